@@ -16,7 +16,7 @@ configure = cmake --preset $(1) $(2) -DCMAKE_UNITY_BUILD=$(or $(3),$(UNITY)) -DP
 	-Dpybind11_DIR=$$($(PYTHON) -m pybind11 --cmakedir) >build/$(1)-configure.log 2>&1 \
 	|| { cat build/$(1)-configure.log; exit 1; }
 
-.PHONY: setup build demo dataset generalist debian13 test lint stubs reference tables docs viewer bench wheel wheels hashes sanitize fuzz test-nightly attack nightly clean
+.PHONY: setup build demo dataset generalist generalist-v4 debian13 test lint stubs reference tables docs viewer bench wheel wheels hashes sanitize fuzz test-nightly attack nightly clean
 .NOTPARALLEL:
 
 build:
@@ -55,6 +55,13 @@ generalist: build
 	@scripts/setup.sh train
 	$(PYTHON) -m pyinfra train configs/detectors/generalist.yaml --sites configs/streams/generalist.yaml --tier full --precision bfloat16 --out out/generalist
 	$(PYTHON) -m reproduction pack_generalist out/generalist
+
+# Version 4 of the pretrained detector, which also uses the past of a fixed sensor. Some 14 hours of one core; it resumes.
+# With a GPU: make generalist-v4 DEVICE="--device cuda --precision bfloat16"
+generalist-v4: build
+	@scripts/setup.sh train
+	$(PYTHON) -m pyinfra train configs/detectors/generalist_v4.yaml --sites configs/streams/generalist_v4.yaml --tier full $(DEVICE) --out out/generalist_v4
+	$(PYTHON) -m reproduction pack_generalist out/generalist_v4 --out out/generalist_v4.safetensors --table out/generalist_v4_sites.csv
 
 # A wheel for each Python, each tried in a Debian with that Python alone. As root on Debian 12; 2 GB in build/roots.
 wheels: build wheel

@@ -109,9 +109,9 @@ def train(
     if start is not None:
         recipe = recipe.begun_with(Path(start))
     sources = [
-        sequence_source(one, tier, recipe.classes)
+        sequence_source(one, tier, recipe.classes, recipe.past_s)
         if isinstance(one, FrameSequence)
-        else read_source(path_of(one, "frames"), tier, classes=recipe.classes)
+        else read_source(path_of(one, "frames"), tier, classes=recipe.classes, past_s=recipe.past_s)
         for one in given
     ]
     for text in filter(None, (source.read_warning() for source in sources)):

@@ -23,6 +23,7 @@ from pyinfra.models.inference.detect import (
     accumulation_of,
     check_single,
     detect,
+    inputs_used,
     model_file,
     shipped,
     threads_of,
@@ -276,7 +277,8 @@ def _in_clouds(args: argparse.Namespace, model: Path) -> FolderDetections:
     for note in notes:
         warn(note, args)
     warn_of_height(args.inputs, read, site, partial(warn, args=args))
-    return FolderDetections(args.inputs, *detect(detector, args.inputs, args.out, read=read))
+    found = detect(detector, args.inputs, args.out, read=read)
+    return FolderDetections(args.inputs, *found, inputs=inputs_used(model, range(len(found[0]))))
 
 
 def _print_summary(result: FolderDetections, threads: int, load: OtherLoad, to: TextIO) -> None:
@@ -286,7 +288,7 @@ def _print_summary(result: FolderDetections, threads: int, load: OtherLoad, to: 
     print(
         f"{len(boxes)} frames, {sum(map(len, boxes))} boxes ({likely} with a score of {LIKELY} or "
         f"more), {low:.1f} ms a frame (median), {high:.1f} ms (95 %), "
-        f"{threads} thread{'s'[: threads > 1]}; {load.text}",
+        f"{threads} thread{'s'[: threads > 1]}; input: {result.inputs}; {load.text}",
         file=to,
     )
 

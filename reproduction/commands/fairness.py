@@ -1,7 +1,7 @@
 """Tests whether a pretrained detector compares LiDARs fairly, from the gain by fine-tuning.
 
 The pretrained detector is tested in the study's scenes, before and after 120 training steps with
-the labels of the same scene. The detector was trained with two of the LiDARs and without the other
+the labels of the same scene. The detector was trained with four of the LiDARs and without the other
 two. A comparison of LiDARs with the pretrained detector is fair if all LiDARs gain the same AP from
 fine-tuning. If a narrow LiDAR gains more AP than a wide one, the comparison is unfair to the narrow
 LiDAR. The command adds each row to out/fairness.csv as soon as it is computed. Existing rows of the
@@ -24,8 +24,11 @@ from pyinfra.experiments import store
 from reproduction import add_out, add_work, provenance
 from reproduction.commands import generalist
 
-# A narrow and a wide LiDAR that the training used, then a narrow and a wide LiDAR that it did not.
-LIDARS = ("livox_avia", "ruby_plus", "livox_horizon", "hesai_ot128")
+# Four LiDARs that the training used, then a narrow and a wide LiDAR that it did not.
+LIDARS = (
+    *("helios_16", "livox_avia", "pandar_64", "ruby_plus"),
+    *("livox_horizon", "hesai_ot128"),
+)
 ARMS = ("none", "tuned_120")
 KEY = ["site", "seed", "lidar", "preset", "arm", "start"]
 COLUMNS = [*KEY, "steps", "train_cpu_s", "ap_r1000", "objects"]
@@ -50,10 +53,18 @@ def main() -> None:
     parser.add_argument(
         "--seeds", type=int, nargs="+", default=[1], help="traffic seeds (default: 1)"
     )
+    parser.add_argument(
+        "--presets",
+        nargs="+",
+        default=["datasheet"],
+        help="presets of the LiDARs (default: datasheet)",
+    )
     add_out(parser, "fairness.csv")
     args = parser.parse_args()
-    for seed, scene, lidar in itertools.product(args.seeds, args.scenes, args.lidars):
-        experiment = generalist.Experiment(scene, seed, lidar)
+    for seed, scene, lidar, preset in itertools.product(
+        args.seeds, args.scenes, args.lidars, args.presets
+    ):
+        experiment = generalist.Experiment(scene, seed, lidar, preset)
         folder = None
         for model, arm in itertools.product(args.models, ARMS):
             wanted = {**asdict(experiment), "arm": arm, "start": generalist.start_of(arm, model)}
@@ -63,6 +74,7 @@ def main() -> None:
             record = {**generalist.row(folder, arm, model), **wanted}
             row = {name: record[name] for name in COLUMNS}
             words = f"fairness {model} --scenes {scene} --lidars {lidar} --seeds {seed}"
+            words += "" if preset == "datasheet" else f" --presets {preset}"
             columns = {"model": model.stem, **row, **provenance(words)}
             store.put(args.out, pd.DataFrame([columns]), KEY)
             print(model.stem, *(row[name] for name in (*KEY[:5], "ap_r1000")), flush=True)

@@ -13,15 +13,20 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import yaml
 
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.vocabulary import ObjectClass
 from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import lidar_file
-from pyinfra.models.training.generated_sites import samples_of
+from pyinfra.dataset.frame_sequence import scene_objects
+from pyinfra.models.training import sources
+from pyinfra.models.training.generated_sites import cast, maker, samples_of
+from pyinfra.models.training.past import PastFrames
 from pyinfra.models.training.samples import SiteSample
 from pyinfra.scenes.generator import lidar_catalogue
 from pyinfra.scenes.generator.generate import make_site
@@ -31,8 +36,11 @@ from reproduction import ROOT
 
 FOLDER = ROOT / "tests/data/sites"
 FIRST_SITE = 1_000_000  # training uses smaller seeds only
+CALIBRATION_SITE = 1_500_000  # first seed of the sites that calibrate scores
+HELD_OUT = ("hesai_ot128", "hesai_xt32", "livox_horizon")  # LiDARs that no training uses
 PRESET = "datasheet"
 LIDARS, FRAMES = 4, 5  # LiDARs per site, frames per LiDAR
+QUEUE_S, STANDS_M = 30.0, 0.5  # a vehicle in a queue moves less than STANDS_M in QUEUE_S
 # The first seed, the number of sites and the parameter ranges of each set of sites.
 SETS: dict[str, tuple[int, int, Ranges]] = {
     "plain": (FIRST_SITE, 60, replace(RANGES, furniture=replace(RANGES.furniture, sites=0.0))),
@@ -61,6 +69,34 @@ def read_visits(name: str) -> Iterator[tuple[Keys, list[Visit]]]:
         yield keys, [row for row in rows if row.site == site]
 
 
+def calibration_visits(sites: int) -> Iterator[tuple[Keys, list[Visit]]]:
+    """Yields the scene keys and the visits of sites that neither training nor tests use.
+
+    A fourth of the sites are streets with much street furniture. Their LiDARs are those of the
+    training.
+    """
+    trained = lidar_catalogue.sensors(without=HELD_OUT, presets={PRESET: 1.0})
+    for seed in range(CALIBRATION_SITE, CALIBRATION_SITE + sites):
+        random = np.random.default_rng(seed)
+        keys = make_site(seed, CLUTTERED if seed % 4 == 3 else RANGES) | {"label_time": "scan"}
+        world = simulation.make_world(keys)
+        visits = []
+        for lidar in trained.draw(random, LIDARS):
+            count = world.frames_of(lidar.period_s)
+            frames = sorted(random.choice(count, FRAMES, replace=False).tolist())
+            visits.append(Visit(keys["name"], lidar.name, tuple(frames)))
+        yield keys, visits
+
+
+@dataclass(frozen=True, eq=False)
+class TestSample(SiteSample):
+    """A sample of a test site whose points have the columns of their past."""
+
+    queues: BoolArray = field(kw_only=True)  # (k,) whether each box has stood for QUEUE_S
+
+    __test__ = False  # this is no test of pytest
+
+
 def looked_at(
     name: str, classes: tuple[ObjectClass, ...], sites: int | None = None, frames: int = FRAMES
 ) -> Iterator[tuple[str, str, list[SiteSample]]]:
@@ -79,6 +115,67 @@ def looked_at(
             lidar = simulation.load_lidar(lidar_file(visit.lidar), PRESET).with_free_motors()
             chosen = list(visit.frames[:frames])
             yield visit.site, visit.lidar, samples_of(world, keys, lidar, chosen, classes)
+
+
+def tested_at(
+    keys: Keys, visits: list[Visit], classes: tuple[ObjectClass, ...], frames: int, past_s: float
+) -> Iterator[tuple[str, list[TestSample]]]:
+    """Simulates the visits of a site; yields the LiDAR and the samples of each visit.
+
+    A sample has the past that `pyinfra detect` uses: the first frames of the time slots before it.
+
+    Parameters
+    ----------
+    frames : maximum number of frames per LiDAR
+    past_s : seconds of the past; 0 for empty columns, which need no further simulation
+    """
+    world = simulation.make_world(keys)
+    for visit in visits:
+        lidar = simulation.load_lidar(lidar_file(visit.lidar), PRESET).with_free_motors()
+        count = world.frames_of(lidar.period_s)
+        read = partial(sources.cast, world, lidar)
+        there = range(count) if past_s > 0 else ()
+        past = PastFrames(read, there, lidar.period_s, past_s)
+        make = maker(world, keys, lidar, classes)
+        label_time, samples = simulation.label_time(world, lidar), list[TestSample]()
+        numbers = list(visit.frames[:frames])
+        for number, frame in zip(numbers, cast(world, lidar, numbers), strict=True):
+            sample = make(frame, past.added(simulation.points(frame), number))
+            hit = sources.hit_vehicles(frame, label_time, classes)
+            queues = stands(world, number, lidar.period_s, count, hit.ids)
+            samples.append(TestSample(**vars(sample), queues=queues))
+        yield visit.lidar, samples
+
+
+def stands(
+    world: simulation.World, frame: int, period_s: float, count: int, ids: IntArray
+) -> BoolArray:
+    """Returns which objects have stood for QUEUE_S, and drive at another time of the run: (n,).
+
+    Parked vehicles never drive, so they are not among them.
+    """
+    before = [frame - round(share * QUEUE_S / period_s) for share in (1.0, 0.5)]
+    if before[0] < 0:
+        return np.zeros(len(ids), np.bool_)
+    now, *earlier = (positions(world, k, period_s) for k in (frame, *before))
+    ends = [positions(world, k, period_s) for k in (0, count - 1)]
+
+    def moved(i: int, there: dict[int, FloatArray]) -> bool:
+        return i not in there or bool(np.linalg.norm(now[i] - there[i]) > STANDS_M)
+
+    return np.array(
+        [
+            not any(moved(i, there) for there in earlier) and any(moved(i, there) for there in ends)
+            for i in ids.tolist()
+        ],
+        np.bool_,
+    )
+
+
+def positions(world: simulation.World, frame: int, period_s: float) -> dict[int, FloatArray]:
+    """Returns x, y of each object in a frame, by its id."""
+    objects = scene_objects(world.objects(frame, period_s), 0)
+    return dict(zip(objects.ids.tolist(), objects.boxes[:, :2], strict=True))
 
 
 def write_set(name: str) -> None:

@@ -52,15 +52,11 @@ from pyinfra.models.training.train import train
 from pyinfra.scenes.generator.generate import make_site
 from pyinfra.scenes.generator.random_stream import VERSION
 from reproduction import ROOT, add_out, add_work
+from reproduction.commands.frozen_sites import HELD_OUT
 
 RECIPES = ROOT / "configs/detectors"
 SCENES = ("highway", "crossroad", "curve")
 FIRST_SITE = 2_000_000  # no training and no calibration used this seed or larger seeds
-HELD_OUT = (
-    "hesai_ot128",
-    "hesai_xt32",
-    "livox_horizon",
-)  # LiDARs that configs/streams/generalist.yaml excludes from training
 STUDIED = ("ruby_plus", "livox_avia", "helios_16", "pandar_64")
 FRAMES = "0:5000:10"  # of 500 s; the first 400 s are for training, the last 90 s for the test
 CUT = 0.5  # smallest calibrated score of a shown box
@@ -136,7 +132,9 @@ def recipe_of(arm: str, model: Path) -> Recipe:
     if arm == "site_trained":
         return read_recipe(RECIPES / "centerpoint-pillar.yaml", "quick")
     tier: Tier = "smoke" if arm == "tuned_30" else "quick"
-    return read_recipe(RECIPES / "generalist.yaml", tier).begun_with(model)
+    with_past = detect.past_seconds(detect.model_file(model)) > 0
+    name = "generalist_v4" if with_past else "generalist"
+    return read_recipe(RECIPES / f"{name}.yaml", tier).begun_with(model)
 
 
 def model_of(arm: str, model: Path, folder: Path, run: Path) -> tuple[Path, int, float]:
@@ -144,7 +142,7 @@ def model_of(arm: str, model: Path, folder: Path, run: Path) -> tuple[Path, int,
     if arm == "none":
         return model, 0, 0.0
     recipe = recipe_of(arm, model)
-    source = read_source(folder, "quick", classes=recipe.classes)
+    source = read_source(folder, "quick", classes=recipe.classes, past_s=recipe.past_s)
     file = train(recipe, [source], run, quiet=True)
     seconds = float(pd.read_csv(run / "log.csv").cpu_seconds.sum())
     return file, recipe.learning.steps, seconds
@@ -154,7 +152,8 @@ def row(folder: Path, arm: str, model: Path) -> dict[str, object]:
     run = folder.parent / f"{folder.name}_{arm}"
     file, steps, seconds = model_of(arm, model, folder, run)
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
-    _, times = detect.detect(detect.detector_at(file, folder), files, run / "predictions")
+    detector, read = detect.detector_at(file, folder), detect.reader_at(file, folder, files)
+    _, times = detect.detect(detector, files, run / "predictions", read=read)
     (match_result,) = match_results_of(folder, run / "predictions", SETTINGS)
     bootstrapped = ap_r1000_of(match_result)
     same = same_of(match_result.match_input.truth, match_result.match_input.blocks, SETTINGS.seed)

@@ -1,21 +1,24 @@
-"""Calibrates the scores of a pretrained detector on test sites, and writes the model file.
+"""Calibrates the scores of a pretrained detector, and writes the model file.
 
-    python -m reproduction pack_generalist RUN
+    python -m reproduction pack_generalist RUN --out out/generalist_v4.safetensors
 
-The training did not use the test sites. The calibration fits a line to the logits of each class. A
-calibrated score is the expected share of correct boxes. The command writes two files:
+The calibration fits a line to the logits of each class at generated sites that neither the training
+nor a test uses. A calibrated score is the expected share of correct boxes. A detector that uses the
+past of a fixed sensor has one line for single frames and one for frames with a past. The command
+writes two files:
 
 - out/generalist.safetensors has the layers in half precision. Its header has the calibration lines
   and the precision and recall.
-- out/generalist_sites.csv has the precision and recall of the boxes with a score of at least 0.5,
-  by site, LiDAR and class, and the values that the scores predict.
+- out/generalist_sites.csv has the precision and recall of the boxes with a score of at least 0.5 at
+  the test sites, by site, LiDAR and class, and the values that the scores predict. If the detector
+  uses the past, the frames have their past.
 """
 
 from __future__ import annotations
 
 import argparse
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -31,6 +34,7 @@ from pyinfra.models.detectors import Detections, calibration
 from pyinfra.models.detectors.classes import METRICS, TYPES
 from pyinfra.models.detectors.fuse_batchnorm import fused
 from pyinfra.models.detectors.network import Network
+from pyinfra.models.detectors.sample import has_past
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.training import checkpoint
 from pyinfra.models.training.samples import SiteSample
@@ -54,7 +58,7 @@ class ScoredBoxes:
 
 
 def scored_boxes(
-    network: Network, site: str, lidar: str, samples: list[SiteSample]
+    network: Network, site: str, lidar: str, samples: Sequence[SiteSample]
 ) -> Iterator[ScoredBoxes]:
     """Yields, for each class, the boxes in the region that counts for the class."""
     detections = []
@@ -126,6 +130,23 @@ def line_of(experiments: list[ScoredBoxes], name: ObjectClass) -> tuple[float, f
         raise ValueError(f"{name}: {error}") from None
 
 
+def alone(samples: Sequence[SiteSample]) -> list[SiteSample]:
+    """Returns the samples as single frames, without the columns of the past."""
+    return [replace(sample, points=sample.points[:, :4]) for sample in samples]
+
+
+def lines_at(experiments: list[ScoredBoxes], classes: Sequence[ObjectClass]) -> tuple[float, ...]:
+    """Returns the calibration lines of all classes: a and b of each class."""
+    lines = (line_of(experiments, name) for name in classes)
+    return tuple(itertools.chain.from_iterable(lines))
+
+
+def lines_by_class(
+    line: tuple[float, ...], classes: Sequence[ObjectClass]
+) -> dict[ObjectClass, tuple[float, float]]:
+    return {name: (line[2 * i], line[2 * i + 1]) for i, name in enumerate(classes)}
+
+
 def halved(weights: dict[str, Tensor]) -> dict[str, Tensor]:
     """Returns the weights of layers in half precision and of norms in full precision.
 
@@ -153,7 +174,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("run", type=Path, help="output folder of `pyinfra train --sites`")
     parser.add_argument(
-        "--sites", type=int, default=60, help="number of generated sites (default: %(default)s)"
+        "--sites",
+        type=int,
+        default=60,
+        help="sites of the calibration and of the test (default: 60)",
     )
     parser.add_argument("--frames", type=int, default=5, help="frames per LiDAR (default: 5)")
     add_out(parser, "generalist.safetensors", recorded="pyinfra/models/generalist.safetensors")
@@ -162,14 +186,25 @@ def main() -> None:
     loaded = checkpoint.load(model_file(args.run))
     network = fused(loaded.network())
     classes = network.classes
-    network.calibration, network.min_score = None, MIN_SCORE
+    network.calibration = network.calibration_past = None
+    network.min_score = MIN_SCORE
+    past_s = network.past_s
+    single, with_past = list[ScoredBoxes](), list[ScoredBoxes]()
+    for keys, visits in frozen_sites.calibration_visits(args.sites):
+        for lidar, samples in frozen_sites.tested_at(keys, visits, classes, args.frames, past_s):
+            single += scored_boxes(network, keys["name"], lidar, alone(samples))
+            known = [sample for sample in samples if has_past(sample.points)]
+            if known:
+                with_past += scored_boxes(network, keys["name"], lidar, known)
+    line = lines_at(single, classes)
+    line_past = lines_at(with_past, classes) if past_s > 0 else None
+    lines = lines_by_class(line_past or line, classes)
     experiments = [
         experiment
-        for visit in frozen_sites.looked_at("plain", classes, args.sites, args.frames)
-        for experiment in scored_boxes(network, *visit)
+        for keys, visits in itertools.islice(frozen_sites.read_visits("plain"), args.sites)
+        for lidar, samples in frozen_sites.tested_at(keys, visits, classes, args.frames, past_s)
+        for experiment in scored_boxes(network, keys["name"], lidar, samples)
     ]
-    lines = {name: line_of(experiments, name) for name in classes}
-    line = tuple(itertools.chain.from_iterable(lines.values()))
     rows = [row(experiment, lines[experiment.name]) for experiment in experiments]
     table = pd.DataFrame(rows).assign(
         **provenance(f"pack_generalist {args.run} --sites {args.sites} --frames {args.frames}")
@@ -180,6 +215,7 @@ def main() -> None:
         loaded.provenance,
         anywhere=True,
         calibration=line,
+        calibration_past=line_past,
         figures={"cut": CUT, "sites": args.sites, **figures},
     )
     checkpoint.write(args.out, halved(loaded.weights()), described)

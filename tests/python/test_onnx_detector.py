@@ -88,8 +88,10 @@ def test_boxes_do_not_depend_on_the_number_of_threads(frames: FrameSequence) -> 
         Config(pillar_width=16, head_width=16),
         Config(pillar_width=32, head_width=8, intensity=False, place=False, axis=True),
         Config(pillar_width=40, head_width=8, age=True, classes=("vehicle", "pedestrian")),
+        Config(pillar_width=32, head_width=8, past_s=60, place=False, axis=True),
+        Config(pillar_width=32, head_width=8, past_s=60, age=True, intensity=False),
     ],
-    ids=["published", "axis", "age"],
+    ids=["published", "axis", "age", "past", "past_and_age"],
 )
 def test_a_network_of_any_settings_gives_the_same_boxes(config: Config) -> None:
     torch = pytest.importorskip("torch", reason="the extra `train` is not installed")
@@ -108,7 +110,8 @@ def test_a_network_of_any_settings_gives_the_same_boxes(config: Config) -> None:
     ours = onnx_detector.OnnxDetector(config, weights, SITE)
     rng = np.random.default_rng(5)
     low, high = np.array(SITE.area.low), np.array(SITE.area.high)
-    points = np.concatenate([low + rng.random((3000, 3)) * (high - low), rng.random((3000, 2))], 1)
+    extra = rng.random((3000, ours.columns - 3))
+    points = np.concatenate([low + rng.random((3000, 3)) * (high - low), extra], 1)
     points = points.astype(np.float32)
     wanted, got = network.predict(points), ours.predict(points)
     assert len(wanted) > 10

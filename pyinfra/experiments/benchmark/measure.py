@@ -87,7 +87,8 @@ def check_counted(evaluation: Evaluation) -> None:
 def trained(experiment: Experiment, recipe: Recipe, folder: Path, run: Path, device: str) -> float:
     """Trains a detector and returns the CPU seconds of all its steps, including earlier runs."""
     before = time.process_time()
-    source = read_source(folder, experiment.tier, classes=recipe.classes)
+    tier = experiment.tier
+    source = read_source(folder, tier, classes=recipe.classes, past_s=recipe.past_s)
     train(recipe, [source], run, seed=experiment.seed, device=device, quiet=True)
     log = run / "log.csv"
     if log.exists():
@@ -100,7 +101,9 @@ def detected(run: Path, folder: Path, device: str) -> None:
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     (run / "predictions").mkdir(exist_ok=True)
     write_origin(run / "predictions", model_origin(folder, detect.model_file(run)), replace=True)
-    detect.detect(detect.detector_at(run, folder, device=device), files, run / "predictions")
+    read = detect.reader_at(run, folder, files)
+    detector = detect.detector_at(run, folder, device=device)
+    detect.detect(detector, files, run / "predictions", read=read)
 
 
 def timed_alone(

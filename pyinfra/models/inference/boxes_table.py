@@ -36,6 +36,7 @@ from pyinfra.models.inference.frames_learnt import frames_warning
 from pyinfra.models.inference.own_detector import OwnDetector, detections_of_own
 from pyinfra.models.inference.static_filter import length_warning, without_standing
 from pyinfra.models.inference.threads import checked_threads
+from pyinfra.models.training.past import with_past
 from pyinfra.models.training.sources import spread
 
 COLUMNS = ["frame", "type", *BOX, "score"]
@@ -189,9 +190,13 @@ def detect(
     """Runs a detector on frames and returns its boxes.
 
     For a trained detector, z of the points is converted to height above the road, and frames are
-    stacked as in the training of the detector. The function warns if the road in the clouds is not
-    `height_m` below the sensor. It also warns if a trained network has no region, if it was learnt
-    from frames of another number, and if the frames are too short for `drop_standing`.
+    stacked as in the training of the detector. A detector that uses the past of a fixed sensor gets
+    the occupancy of the frames before each frame, as far as they are known. `attrs["inputs"]` of
+    the result is a text that says which inputs were used.
+
+    The function warns if the road in the clouds is not `height_m` below the sensor. It also warns
+    if a trained network has no region, if it was learnt from frames of another number, and if the
+    frames are too short for `drop_standing`.
 
     Parameters
     ----------
@@ -239,8 +244,9 @@ def detect(
         clouds = [frames.frame(k).points for k in spread(frames.numbers, CHECKED)]
         for text in height_warnings(clouds, site.height_m):
             warnings.warn(text, stacklevel=CALLER)
-    numbers = frames.numbers
+    numbers, inputs = frames.numbers, "single frames"
     if isinstance(model, TrainedDetector):
+        inputs = inference.inputs_used(model.file, numbers, frames.known, frames.period_s)
         if text := region_warning(model.file, site):
             warnings.warn(f"{text}: `region` takes an outline of the road", stacklevel=CALLER)
         if text := frames_warning(model.file, frames.frames_version):
@@ -263,7 +269,9 @@ def detect(
             warnings.warn(text, stacklevel=CALLER)
         reads = [partial(_points, frames, k) for k in numbers]
         per_frame = without_standing(reads, per_frame, site.region, site.ground)
-    return _table(numbers, per_frame)
+    table = _table(numbers, per_frame)
+    table.attrs["inputs"] = inputs
+    return table
 
 
 def _place(frames: FrameSequence, height_m: float | None, region: AnyRegion | None) -> Place:
@@ -295,12 +303,14 @@ def _corners(region: AnyRegion) -> npt.NDArray[np.float64]:
 
 
 def _stacked(model: Path, frames: FrameSequence) -> Iterator[Points]:
-    """Returns the clouds of the frames, stacked as in the model's training."""
-    accumulation = inference.accumulation_of(model)
-    if accumulation.frames == 1:
+    """Returns the clouds of the frames as in the model's training: stacked, and with their past."""
+    accumulation, past_s = inference.accumulation_of(model), inference.past_seconds(model)
+    if accumulation.frames == 1 and past_s == 0:
         return (frame.points for frame in frames)
     read = partial(_points, frames)
     clouds = accumulation.clouds(read, frames.numbers, frames.known, frames.period_s)
+    known = (read, frames.numbers, frames.known, frames.period_s)
+    clouds = with_past(clouds, *known, past_s)
     return (cloud() for cloud in clouds)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -20,9 +20,12 @@ from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Labels
 from pyinfra.models.detectors import Detections, Detector
 from pyinfra.models.detectors.background import Background
+from pyinfra.models.detectors.catalogue import config_of
+from pyinfra.models.detectors.classes import past_of
 from pyinfra.models.detectors.ground_adapter import OnRoad
 from pyinfra.models.pytorch import need_pytorch
 from pyinfra.models.training.accumulation import Accumulation
+from pyinfra.models.training.past import frames_with_past, with_past
 from pyinfra.models.training.provenance import is_among, read_provenance
 from pyinfra.models.training.sources import read_frame, scene_of
 
@@ -114,16 +117,48 @@ def accumulation_of(file: Path) -> Accumulation:
     return Accumulation(provenance.accumulate, provenance.label_at)
 
 
+def past_seconds(file: Path) -> float:
+    """Returns the seconds of the past whose occupancy a model uses; 0 if it uses none."""
+    if file.suffix == ".npz":
+        return 0.0
+    provenance = read_provenance(file)
+    return past_of(config_of(provenance.detector, provenance.network))
+
+
+def inputs_used(
+    file: Path, frames: Sequence[int], there: Collection[int] = (), period_s: float = 0.1
+) -> str:
+    """Returns a text on the inputs that a model used: single frames, stacked frames, or the past.
+
+    frames: numbers of the frames. there: numbers of all existing frames; empty for single clouds.
+    """
+    stacked, seconds = accumulation_of(file).frames, past_seconds(file)
+    alone = f"{stacked} stacked frames" if stacked > 1 else "single frames"
+    known = frames_with_past(frames, there, period_s, seconds)
+    if seconds == 0 or known == 0:
+        return f"{alone}, without the past" if seconds > 0 else alone
+    return f"{alone} with the past of up to {seconds:g} s ({known} of {len(frames)} frames)"
+
+
+def reader_at(run: Path, lidar_folder: Path, files: Sequence[Path]) -> Callable[[Path], Points]:
+    """Returns a function that reads clouds of a folder as a model needs them, with their past."""
+    file = model_file(run)
+    numbers = [int(cloud.stem) for cloud in files]
+    return stacking(lidar_folder, numbers, accumulation_of(file), past_seconds(file))
+
+
 def stacking(
-    lidar_folder: Path, frames: Sequence[int], accumulation: Accumulation
+    lidar_folder: Path, frames: Sequence[int], accumulation: Accumulation, past_s: float = 0.0
 ) -> Callable[[Path], Points]:
     """Returns a function that reads the stacked cloud of a frame's file.
 
-    Neighbouring frames are stacked even if they belong to another split. Raises Error if no frame
-    has a neighbour.
+    Neighbouring frames are stacked even if they belong to another split. past_s: seconds of the
+    past whose occupancy the cloud has (training/past.py). Raises Error if no frame has a neighbour.
     """
     existing, period_s = frame_numbers(lidar_folder, "all"), period_of(lidar_folder)
-    clouds = accumulation.clouds(partial(read_frame, lidar_folder), frames, existing, period_s)
+    read = partial(read_frame, lidar_folder)
+    clouds = accumulation.clouds(read, frames, existing, period_s)
+    clouds = with_past(clouds, read, frames, existing, period_s, past_s)
     files = [kitti.frame_file(lidar_folder, "velodyne", k) for k in frames]
     by_file = dict(zip(files, clouds, strict=True))
     return lambda file: by_file[file]()

@@ -24,9 +24,11 @@ from pyinfra.models.inference.detect import (
     accumulation_of,
     detect,
     ground_and_region_of,
+    inputs_used,
     is_of_anywhere,
     load_detector,
     once,
+    past_seconds,
     stacking,
     transfer,
     write,
@@ -63,6 +65,7 @@ class FolderDetections:
     detections: Sequence[Detections]
     times_ms: FloatArray  # (n,) time from points to boxes
     left_out: int | None = None  # number of removed standing boxes; None if the filter is off
+    inputs: str = ""  # the inputs that the model used, such as "single frames"
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,13 +173,15 @@ def detect_folder(
     if text := frames_warning(model, number_at(lidar_folder)):
         warn(text)
     detector = detector_at_place(model, where, device, threads)
-    read = stacking(lidar_folder, numbers, accumulation_of(model))
+    read = stacking(lidar_folder, numbers, accumulation_of(model), past_seconds(model))
     out.mkdir(parents=True, exist_ok=True)
     if read_origin(out) is not None or not others(out, files):
         write_origin(out, model_origin(lidar_folder, model))
     warn_of_height(files, read, where, warn)
+    known = frame_numbers(lidar_folder, "all"), period_of(lidar_folder)
+    inputs = inputs_used(model, numbers, *known)
     if not drop_standing:
-        return FolderDetections(files, *detect(detector, files, out, read=read))
+        return FolderDetections(files, *detect(detector, files, out, read=read), inputs=inputs)
     once(files)
     detections_of_all, times = detect(detector, files, None, read=read)
     clouds = [partial(kitti.read_points, file) for file in files]
@@ -185,9 +190,8 @@ def detect_folder(
         warn(text)
     for file, detections in zip(files, filtered, strict=True):
         write(out, file, detections)
-    return FolderDetections(
-        files, filtered, times, sum(map(len, detections_of_all)) - sum(map(len, filtered))
-    )
+    left_out = sum(map(len, detections_of_all)) - sum(map(len, filtered))
+    return FolderDetections(files, filtered, times, left_out, inputs)
 
 
 def warn_of_height(

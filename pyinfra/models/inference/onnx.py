@@ -1,10 +1,11 @@
 """Exports a dense detector, from points to boxes, as one ONNX graph.
 
-The input is `points` (n, 4) float32, n >= 1, inside the area in the file's metadata. The outputs
-are `boxes` (k, 7) and `scores` (k,), best first, before non-maximum suppression. A network with
-several classes returns the boxes of one class after another. It also has the output `classes` (k,)
-with class numbers. x and y of points and boxes are in the levelled LiDAR frame, and z is measured
-from the road. Scores are those before calibration.
+The input is `points` (n, 4) float32, n >= 1, inside the area in the file's metadata. If the network
+uses the past of a fixed sensor, the points have two more columns (training/past.py), which are 0
+without a past. The outputs are `boxes` (k, 7) and `scores` (k,), best first, before non-maximum
+suppression. A network with several classes returns the boxes of one class after another. It also
+has the output `classes` (k,) with class numbers. x and y of points and boxes are in the levelled
+LiDAR frame, and z is measured from the road. Scores are those before calibration.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ def export(run: Path, file: Path) -> None:
         )
     low, high = (torch.tensor(side) for side in (network.site.area.low, network.site.area.high))
     xyz = low + torch.rand(100, 3, generator=torch.Generator().manual_seed(1)) * (high - low)
-    points = torch.cat([xyz, torch.full((100, 1), 0.5)], dim=1)
+    points = torch.cat([xyz, torch.full((100, network.columns - 3), 0.5)], dim=1)
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)
     with warnings.catch_warnings():  # the exporter's own packages cause warnings
         warnings.simplefilter("ignore")

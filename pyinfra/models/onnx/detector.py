@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from pyinfra.core.arrays import Float32Array, Points
-from pyinfra.core.errors import ConfigError, Error
+from pyinfra.core.errors import ConfigError
 from pyinfra.core.vocabulary import ObjectClass
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors import Detections
@@ -24,6 +24,7 @@ from pyinfra.models.detectors.catalogue import config_of
 from pyinfra.models.detectors.centerpoint_config import Config
 from pyinfra.models.detectors.classes import ALONG_ROADS, TYPES
 from pyinfra.models.detectors.detection_area import REGION_MARGIN_M, Area, Site, around
+from pyinfra.models.detectors.sample import has_past, with_columns
 from pyinfra.models.detectors.suppression import MIN_SCORE, empty, of_classes, suppressed
 from pyinfra.models.onnx.graph import Weights, fused, model_of
 from pyinfra.models.onnx.peaks import Peaks
@@ -45,6 +46,7 @@ class OnnxDetector:
         site: Site,
         *,
         calibration: Sequence[float] | None = None,
+        calibration_past: Sequence[float] | None = None,
         region: Region | None = None,
         threads: int = 1,
     ) -> None:
@@ -52,8 +54,8 @@ class OnnxDetector:
         area = site.area.grown(multiple(config.bev, config.pillar_m))
         self.site = Site(area, site.floor_z)
         self.classes: tuple[ObjectClass, ...] = config.classes
-        self.columns = 5 if config.age else 4
-        self.calibration = calibration
+        self.columns, self.past = config.columns, config.past_s > 0
+        self.calibration, self.calibration_past = calibration, calibration_past
         self.min_score = MIN_SCORE
         self.map = PillarMap(config, weights, area)
         rows, columns = self.map.array.shape[2:]
@@ -66,12 +68,7 @@ class OnnxDetector:
 
     def predict(self, points: Points) -> Detections:
         """See pyinfra.models.detectors.Detector."""
-        if points.shape[1] < self.columns:
-            raise Error(
-                f"points: expected {self.columns} columns, got {points.shape[1]}: the network "
-                "uses the age of points in stacked frames"
-            )
-        inside = self.site.area.crop(points)[:, : self.columns]
+        inside = with_columns(self.site.area.crop(points), self.columns, past=self.past)
         if len(inside) == 0:
             return empty()
         whole = self.map.of(inside)
@@ -79,16 +76,19 @@ class OnnxDetector:
             part = np.ascontiguousarray(whole[:, :, *tile.computed])
             (maps,) = self.session.run(None, {"map": part})
             self.maps[:, *tile.used] = maps[0][:, *tile.used_inside]
-        return self.best(self.maps)
+        return self.best(self.maps, past=self.past and has_past(inside))
 
-    def best(self, maps: Float32Array) -> Detections:
-        """Returns the detections in maps (classes + 8 or 9, H, W)."""
+    def best(self, maps: Float32Array, *, past: bool = False) -> Detections:
+        """Returns the detections in maps (classes + 8 or 9, H, W).
+
+        past: whether the past of the frame is known, which has its own calibration.
+        """
         logits, boxes = maps[: len(self.classes)], maps[len(self.classes) :]
         parts = []
         for logit, name in zip(logits, self.classes, strict=True):
             peaks = self.peaks.of(logit, boxes, self.min_score, along_road=name in ALONG_ROADS)
             parts.append(suppressed(*peaks, TYPES[name], self.min_score))
-        return of_classes(parts, self.calibration)
+        return of_classes(parts, (past and self.calibration_past) or self.calibration)
 
 
 class PillarMap:
@@ -145,6 +145,7 @@ def load(file: Path, region: Region | None = None, threads: int = 1) -> OnnxDete
             weights,
             site,
             calibration=provenance.calibration,
+            calibration_past=provenance.calibration_past,
             region=region,
             threads=threads,
         )

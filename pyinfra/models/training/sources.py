@@ -30,6 +30,7 @@ from pyinfra.formats import kitti
 from pyinfra.formats.kitti import read_yaml
 from pyinfra.models.detectors.classes import numbers_of
 from pyinfra.models.training.accumulation import Accumulation
+from pyinfra.models.training.past import with_past
 
 if TYPE_CHECKING:
     from pyinfra.dataset import simulation
@@ -60,6 +61,7 @@ class Source:
     # (k,) class numbers of the boxes in each frame; if empty, all boxes are of the first class
     read_classes: Callable[[], tuple[IntArray, ...]] = tuple
     frames_version: str = ""  # number of the frames; empty if they were recorded
+    past_s: float = 0.0  # seconds of the past whose occupancy the clouds have (past.py); 0: none
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +82,7 @@ class Stream:
     # How samples are chosen, or a digest of their labels; the same when a training resumes.
     drawn: str = ""
     frames_version: str = ""  # numbers of the frames; empty if they were recorded
+    past_s: float = 0.0  # seconds of the past whose occupancy the clouds have (past.py); 0: none
 
 
 def read_source(
@@ -87,8 +90,9 @@ def read_source(
     tier: Tier,
     accumulation: Accumulation = ONE_FRAME,
     classes: tuple[ObjectClass, ...] = VEHICLES,
+    past_s: float = 0.0,
 ) -> Source:
-    """Returns the training frames of a folder.
+    """Returns the training frames of a folder. past_s: see `Source.past_s`.
 
     The training frames are listed in ImageSets/train.txt. If this file does not exist, they are the
     training frames of the split by time without those of val.txt and test.txt, or all frames if the
@@ -110,7 +114,11 @@ def read_source(
         preset=lidar.preset,
         scene=scene_of(folder),
         label_time=lidar.label_time,
-        clouds=accumulation.clouds(read, frames, stackable, lidar.period_s),
+        clouds=with_past(
+            accumulation.clouds(read, frames, stackable, lidar.period_s),
+            *(read, frames, stackable, lidar.period_s, past_s),
+        ),
+        past_s=past_s,
         read_boxes=lambda: hit_boxes(vehicles(), len(frames), classes)[0],
         read_warning=lambda: other_types(folder, frames, vehicles(), names),
         region=regions.region_of(folder, lidar.T_world_levelled),
@@ -123,9 +131,15 @@ def read_source(
 
 
 def sequence_source(
-    frames: FrameSequence, tier: Tier, classes: tuple[ObjectClass, ...] = VEHICLES
+    frames: FrameSequence,
+    tier: Tier,
+    classes: tuple[ObjectClass, ...] = VEHICLES,
+    past_s: float = 0.0,
 ) -> Source:
-    """Returns all frames of a sequence as training frames. Raises Error if the LiDAR is unknown."""
+    """Returns all frames of a sequence as training frames. Raises Error if the LiDAR is unknown.
+
+    past_s: see `Source.past_s`. The past consists of frames of the sequence.
+    """
     lidar = frames.lidar
     if lidar is None:
         raise Error("frames: expected frames of a LiDAR with a pose, got frames without")
@@ -136,7 +150,11 @@ def sequence_source(
         preset=lidar.preset,
         scene=frames.scene,
         label_time=lidar.label_time,
-        clouds=ONE_FRAME.clouds(chosen.points_of, chosen.numbers, chosen.numbers, lidar.period_s),
+        clouds=with_past(
+            ONE_FRAME.clouds(chosen.points_of, chosen.numbers, chosen.numbers, lidar.period_s),
+            *(frames.points_of, chosen.numbers, frames.numbers, lidar.period_s, past_s),
+        ),
+        past_s=past_s,
         read_boxes=lambda: hit_boxes(vehicles(), count, classes)[0],
         region=frames.region,
         ground=frames.ground,
@@ -238,6 +256,7 @@ def simulated_source(
     mount: str = "",
     accumulation: Accumulation = ONE_FRAME,
     classes: tuple[ObjectClass, ...] = VEHICLES,
+    past_s: float = 0.0,
 ) -> Source:
     """Returns the frames that `infrasim run` would write, simulated on demand without files.
 
@@ -257,7 +276,11 @@ def simulated_source(
         preset=unit.preset,
         scene=str(frames.keys["name"]),
         label_time=frames.label_time,
-        clouds=accumulation.clouds(partial(cast, world, unit), frames.numbers, numbers, period_s),
+        clouds=with_past(
+            accumulation.clouds(partial(cast, world, unit), frames.numbers, numbers, period_s),
+            *(partial(cast, world, unit), frames.numbers, numbers, period_s, past_s),
+        ),
+        past_s=past_s,
         read_boxes=lambda: labels()[0],
         region=frames.region,
         ground=frames.ground,
@@ -288,8 +311,16 @@ def labels_of_frame(
     classes: tuple[ObjectClass, ...] = VEHICLES,
 ) -> tuple[FloatArray, IntArray]:
     """Returns boxes (k, 7) and class numbers (k,) of a simulated frame, as `hit_boxes` does."""
-    (boxes,), (numbers,) = hit_boxes(vehicles_of(frame.objects, 0, label_time), 1, classes)
-    return boxes, numbers
+    hit = hit_vehicles(frame, label_time, classes)
+    return hit.boxes, numbers_of(hit.names, classes)
+
+
+def hit_vehicles(
+    frame: simulation.Frame, label_time: LabelTime, classes: tuple[ObjectClass, ...] = VEHICLES
+) -> Vehicles:
+    """Returns the objects of `classes` with at least one point in a simulated frame."""
+    vehicles = vehicles_of(frame.objects, 0, label_time)
+    return vehicles.select((numbers_of(vehicles.names, classes) >= 0) & (vehicles.points > 0))
 
 
 def spread(numbers: Sequence[int], most: int) -> tuple[int, ...]:

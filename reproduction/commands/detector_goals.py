@@ -1,0 +1,278 @@
+"""Measures pretrained detectors on the frozen test sites, paired with the first of them.
+
+The sites are those of `frozen_sites`, simulated by the present version: 60 sites (`plain`) and 20
+streets with much street furniture (`cluttered`). A detector that uses the past of a fixed sensor is
+measured twice: with the past that `pyinfra detect` would use, and with single frames.
+
+Figures are the AP (R1000), the highest recall at a precision of 0.5, false positives per frame, and
+the recall of vehicles that have stood for 30 s. Shown boxes have a calibrated score of 0.5 or more.
+Intervals (Student's t) are computed from 1,000 bootstrap replicates of whole sites. Differences are
+to the first model on the same frames.
+
+The matches of each site and model are kept in the folder --work, so that a stopped command goes on
+with the next site. The command writes out/detector_goals.csv:
+
+    python -m reproduction detector_goals generalist runs/v4/last.safetensors --work data/goals
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.boxes import bev_iou
+from pyinfra.core.files import replacing
+from pyinfra.core.vocabulary import ObjectClass
+from pyinfra.dataset.regions import Region
+from pyinfra.metrics import intervals, matching
+from pyinfra.metrics.ap import average_precision, rank
+from pyinfra.models.detectors import Detections
+from pyinfra.models.detectors.classes import TYPES
+from pyinfra.models.detectors.fuse_batchnorm import fused
+from pyinfra.models.detectors.network import Network
+from pyinfra.models.inference.detect import model_file
+from pyinfra.models.training import checkpoint
+from reproduction import add_out, add_work, provenance
+from reproduction.commands import frozen_sites
+from reproduction.commands.unseen import CLASSES, CUT, FINE, REPLICATES, scored_boxes
+
+PAST_S = 60.0
+FRAMES = 3  # frames per LiDAR
+VEHICLES, ANYWHERE, QUEUES = "vehicle", "vehicle, no region", "vehicle in a queue"
+# Kind of objects: the classes of boxes that may match them, metric, threshold.
+KINDS: dict[str, tuple[tuple[ObjectClass, ...], matching.Metric, float]] = {
+    VEHICLES: (("vehicle",), "bev", 0.5),
+    "pedestrian": (("pedestrian",), "centre", 0.5),
+    "cyclist": (("cyclist",), "centre", 0.5),
+    "vulnerable road user": (("pedestrian", "cyclist"), "centre", 0.5),
+    ANYWHERE: (("vehicle",), "bev", 0.5),
+    QUEUES: (("vehicle",), "bev", 0.5),
+}
+MOST = {"ap_r1000": 100.0, "false_per_frame": np.inf}  # largest value of a figure, if not 1
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """Boxes of one kind in all frames of some sites.
+
+    For `vehicle in a queue` they are the objects: `right` is whether each is found.
+    """
+
+    slot: IntArray  # (n,) index of the site
+    scores: FloatArray  # (n,)
+    right: BoolArray  # (n,)
+    objects: IntArray  # (sites,)
+    frames: IntArray  # (sites,)
+
+
+def in_frame(
+    sample: frozen_sites.TestSample, detections: Detections, kind: str
+) -> tuple[FloatArray, BoolArray, int]:
+    """Returns scores (n,) and correctness (n,) of boxes of a kind, and the number of objects."""
+    names, metric, limit = KINDS[kind]
+    if kind == QUEUES:
+        wanted = sample.queues & (sample.numbers == 0) & sample.region.holds(sample.boxes, 0.0)
+        shown = (detections.names == TYPES["vehicle"]) & (detections.scores >= CUT)
+        overlap = bev_iou(sample.boxes[wanted], detections.boxes[shown])
+        found = overlap.max(axis=1, initial=0) >= limit
+        return np.ones(len(found)), found, len(found)
+    if kind == ANYWHERE:
+        everywhere = Region(lambda boxes, _: np.ones(len(boxes), np.bool_), sample.region.corners)
+        sample = frozen_sites.TestSample(**(vars(sample) | {"region": everywhere}))
+    return scored_boxes(sample, detections, names, (kind, metric, limit))
+
+
+def measured(
+    network: Network, samples: Sequence[frozen_sites.TestSample], *, with_past: bool
+) -> dict[str, FloatArray]:
+    """Returns the arrays of a model's matches at a site, by kind and name."""
+    parts: dict[str, list[tuple[FloatArray, BoolArray, int]]] = {kind: [] for kind in KINDS}
+    for sample in samples:
+        network.know(sample.region)
+        detections = network.predict(sample.points if with_past else sample.points[:, :4])
+        for kind, part in parts.items():
+            part.append(in_frame(sample, detections, kind))
+    arrays = dict[str, FloatArray]()
+    for kind, part in parts.items():
+        scores, right, objects = zip(*part, strict=True)
+        arrays[f"{kind}/scores"], arrays[f"{kind}/right"] = (
+            np.concatenate(scores),
+            np.concatenate(right),
+        )
+        arrays[f"{kind}/objects"] = np.array([sum(objects), len(part)])
+    return arrays
+
+
+def ways_of(network: Network) -> tuple[bool, ...]:
+    """Returns whether the past is used, for each way in which a model is measured."""
+    return (False, True) if network.past_s > 0 else (False,)
+
+
+def run_site(name: str, number: int, models: dict[str, Network], frames: int, work: Path) -> None:
+    """Measures all models at a site of a set, except for results that exist."""
+    keys, visits = list(frozen_sites.read_visits(name))[number]
+    wanted = {
+        (digest, past): matches_file(work, name, number, digest, frames, with_past=past)
+        for digest, network in models.items()
+        for past in ways_of(network)
+    }
+    if all(file.exists() for file in wanted.values()):
+        return
+    past_s = PAST_S if any(past for _, past in wanted) else 0.0
+    samples = [
+        sample
+        for _, of_lidar in frozen_sites.tested_at(keys, visits, CLASSES, frames, past_s)
+        for sample in of_lidar
+    ]
+    for (digest, past), file in wanted.items():
+        if not file.exists():
+            arrays = measured(models[digest], samples, with_past=past)
+            with replacing(file) as beside, beside.open("wb") as opened:
+                np.savez_compressed(opened, allow_pickle=False, **arrays)
+    print(name, keys["name"], len(samples), "frames", flush=True)
+
+
+def matches_file(
+    work: Path, name: str, number: int, digest: str, frames: int, *, with_past: bool
+) -> Path:
+    return work / f"{name}_{number}_{frames}_{digest}{'_past' * with_past}.npz"
+
+
+def gathered(files: Sequence[Path], kind: str) -> Matches:
+    """Returns the matches of a kind at all sites, from one file per site."""
+    slots, scores, right, counts = [], [], [], []
+    for number, file in enumerate(files):
+        with np.load(file, allow_pickle=False) as data:
+            scores.append(data[f"{kind}/scores"])
+            right.append(data[f"{kind}/right"])
+            counts.append(data[f"{kind}/objects"])
+            slots.append(np.full(len(scores[-1]), number))
+    objects, frames = np.stack(counts).T
+    slot, score, is_right = (np.concatenate(column) for column in (slots, scores, right))
+    return Matches(slot, score, is_right, objects, frames)
+
+
+def figures(matches: Matches, kind: str, weights: IntArray) -> dict[str, FloatArray]:
+    """Returns the figures of a kind for weights (replicates, sites): (replicates,) each."""
+    slot, right, scores = matches.slot, matches.right, matches.scores
+    sites = len(matches.objects)
+
+    def total(mask: BoolArray) -> FloatArray:
+        return np.asarray(weights @ np.bincount(slot[mask], minlength=sites), np.float64)
+
+    if kind == QUEUES:
+        objects = (weights @ matches.objects).astype(np.float64)
+        none = np.full(len(objects), np.nan)  # replicates without an object
+        return {"recall": np.divide(total(right), objects, out=none, where=objects > 0)}
+    false = total(~right & (scores >= CUT)) / (weights @ matches.frames)
+    if kind == ANYWHERE:
+        return {"false_per_frame": false}
+    ranked = rank(scores, right, matches.objects, slot)
+    return {
+        "ap_r1000": average_precision(ranked, FINE, weights),
+        "recall_at_half": recalls_at_half(matches, weights),
+        "false_per_frame": false,
+    }
+
+
+def recalls_at_half(matches: Matches, weights: IntArray) -> FloatArray:
+    """Returns the highest recall at a precision of 0.5 or more, for each row of weights."""
+    order = np.argsort(-matches.scores, kind="stable")
+    slot, right = matches.slot[order], matches.right[order]
+    recalls = []
+    for row in weights:
+        boxes = row[slot]
+        true = np.cumsum(boxes * right)
+        precise = true >= 0.5 * np.cumsum(boxes)
+        recalls.append(true[precise].max(initial=0) / max(1, row @ matches.objects))
+    return np.array(recalls)
+
+
+def rows(
+    name: str, files: dict[tuple[str, bool], list[Path]], names: dict[str, str]
+) -> Iterator[dict[str, object]]:
+    """Yields the rows of a set of sites. files: those of each model and way."""
+    sites = len(next(iter(files.values())))
+    drawn = np.random.default_rng(1).multinomial(sites, np.ones(sites) / sites, REPLICATES)
+    weights = np.concatenate([np.ones((1, sites), np.int64), drawn])
+    for kind in KINDS:
+        first: dict[str, FloatArray] = {}
+        for (digest, past), of_sites in files.items():
+            matches = gathered(of_sites, kind)
+            for figure, values in figures(matches, kind, weights).items():
+                less = values - first.setdefault(figure, values)
+                blocks = int((matches.objects > 0).sum()) if kind == QUEUES else sites
+                ends = np.clip(
+                    intervals.interval(values[0], values[1:], blocks), 0, MOST.get(figure, 1.0)
+                )
+                ends_of_less = intervals.interval(less[0], less[1:], blocks)
+                yield {
+                    "model": names[digest],
+                    "digest": digest,
+                    "inputs": "past" if past else "single frame",
+                    "set": name,
+                    "sites": sites,
+                    "sites_with_objects": int((matches.objects > 0).sum()),
+                    "kind": kind,
+                    "figure": figure,
+                    "objects": int(matches.objects.sum()),
+                    "value": values[0],
+                    "low": ends[0],
+                    "high": ends[1],
+                    "difference": less[0],
+                    "difference_low": ends_of_less[0],
+                    "difference_high": ends_of_less[1],
+                }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("models", nargs="+", type=Path, help="names, model files or run folders")
+    add_work(parser, gigabytes=1)
+    parser.add_argument(
+        "--sites",
+        type=int,
+        nargs=2,
+        default=[60, 20],
+        metavar=("PLAIN", "CLUTTERED"),
+        help="number of sites of each set (default: 60 20)",
+    )
+    parser.add_argument(
+        "--frames", type=int, default=FRAMES, help="frames per LiDAR, at most 5 (default: 3)"
+    )
+    add_out(parser, "detector_goals.csv")
+    args = parser.parse_args()
+    args.work.mkdir(parents=True, exist_ok=True)
+    models, names = dict[str, Network](), dict[str, str]()
+    for model in args.models:
+        digest = checkpoint.digest(model_file(model))
+        models[digest] = fused(checkpoint.load(model_file(model)).network())
+        names[digest] = model.stem if model.stem != "last" else model.parent.name
+    words = f"detector_goals {' '.join(map(str, args.models))}"
+    words += f" --sites {args.sites[0]} {args.sites[1]} --frames {args.frames}"
+    tables = []
+    for name, count in zip(("plain", "cluttered"), args.sites, strict=True):
+        for number in range(count):
+            run_site(name, number, models, args.frames, args.work)
+        files = {
+            (digest, past): [
+                matches_file(args.work, name, number, digest, args.frames, with_past=past)
+                for number in range(count)
+            ]
+            for digest, network in models.items()
+            for past in ways_of(network)
+        }
+        tables.append(pd.DataFrame(rows(name, files, names)))
+    table = pd.concat(tables).assign(seed=1, **provenance(words))
+    table.to_csv(args.out, index=False, float_format="%.4g")
+    print(table.iloc[:, :-4].to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,60 @@
+"""Tables of detectors on the frozen test sites of frames 4."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+
+from reproduction.tables.common import markdown, results
+
+TITLES = {
+    "ap_r1000": "AP (R1000)",
+    "recall_at_half": "recall at a precision of 0.5",
+    "false_per_frame": "false positives per frame",
+    "recall": "recall",
+}
+DIGITS = {"ap_r1000": 1}
+SHOWN = {
+    ("vehicle", "ap_r1000"),
+    ("vulnerable road user", "ap_r1000"),
+    ("vehicle, no region", "false_per_frame"),
+    ("vehicle in a queue", "recall"),
+}
+PILOTS = {"single_1": "pilot, single frames", "past_1": "pilot with the past"}
+
+
+def goals() -> str:
+    """Returns a table of the pretrained detector's figures, by set of sites and kind."""
+    table = results("detector_goals").query("objects > 0")
+    rows = [
+        [f"{row.set} ({row.sites})", row.kind, str(row.objects), TITLES[row.figure], _value(row)]
+        for row in table.itertuples()
+    ]
+    return markdown(["sites", "kind", "objects", "figure", "value"], rows)
+
+
+def pilots() -> str:
+    """Returns a table of the pilots' figures, and of their differences to the first pilot."""
+    table = results("detector_pilots").query("objects > 0")
+    kept = [pair in SHOWN for pair in zip(table.kind, table.figure, strict=True)]
+    rows = []
+    for row in table[kept].itertuples():
+        name = PILOTS.get(str(row.model), "the package's detector")
+        inputs = "" if row.model != "past_1" else f", {row.inputs}"
+        first = row.model == "single_1"
+        less = "" if first else _value(row, "difference")
+        where = f"{row.set} ({row.sites})"
+        rows.append([where, row.kind, TITLES[row.figure], name + inputs, _value(row), less])
+    return markdown(["sites", "kind", "figure", "detector", "value", "difference"], rows)
+
+
+def _value(row: Any, name: str = "") -> str:
+    """Returns a figure with its interval, if there is one."""
+    digits = DIGITS.get(str(row.figure), 2)
+    sign = "+" if name else ""
+    keys = (name or "value", f"{name}_low".lstrip("_"), f"{name}_high".lstrip("_"))
+    value, low, high = (float(getattr(row, key)) for key in keys)
+    if pd.isna(low):
+        return f"{value:{sign}.{digits}f}"
+    return f"{value:{sign}.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"

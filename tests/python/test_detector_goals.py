@@ -1,0 +1,140 @@
+"""Figures of detectors on the frozen sites: pairs, queues, and results that are kept."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="the extra `train` is not installed")
+
+from pyinfra.dataset.regions import Region
+from pyinfra.models.detectors import Detections
+from pyinfra.models.detectors.network import Network
+from reproduction.commands import detector_goals as goals
+from reproduction.commands import frozen_sites, unseen
+
+NEAR = Region(lambda boxes, margin_m: np.hypot(*boxes[:, :2].T) < 20 + margin_m, np.zeros((4, 2)))
+CARS = np.array(
+    [[10.0, 0, 0.8, 4, 2, 1.6, 0], [0, 10, 0.8, 4, 2, 1.6, 0], [50, 0, 0.8, 4, 2, 1.6, 0]]
+)
+
+
+def sample(points: np.ndarray[Any, Any] | None = None) -> frozen_sites.TestSample:
+    cloud = np.zeros((5, 6), np.float32) if points is None else points
+    queues = np.array([True, False, True])
+    return frozen_sites.TestSample(cloud, CARS, np.zeros(3, np.int64), region=NEAR, queues=queues)
+
+
+def vehicles(boxes: np.ndarray[Any, Any], scores: list[float]) -> Detections:
+    return Detections(boxes, np.array(scores), np.array(["vehicle"] * len(boxes)))
+
+
+def test_kinds_count_boxes_in_the_region_anywhere_and_in_queues() -> None:
+    far = np.add(CARS[2], [0, 30, 0, 0, 0, 0, 0])
+    found = vehicles(np.stack([CARS[0], CARS[2], far]), [0.9, 0.8, 0.7])
+    scores, right, objects = goals.in_frame(sample(), found, goals.VEHICLES)
+    assert (scores.tolist(), right.tolist(), objects) == ([0.9], [True], 2)
+    scores, right, objects = goals.in_frame(sample(), found, goals.ANYWHERE)
+    assert (right.tolist(), objects) == ([True, True, False], 3)
+    _, right, objects = goals.in_frame(sample(), found, goals.QUEUES)
+    assert (right.tolist(), objects) == ([True], 1)  # the other one in a queue is off the region
+    weak = vehicles(CARS[:1], [0.4])
+    assert not goals.in_frame(sample(), weak, goals.QUEUES)[1].any()
+
+
+def test_figures_of_replicates_are_those_of_their_sites() -> None:
+    matches = goals.Matches(
+        slot=np.array([0, 0, 1, 1]),
+        scores=np.array([0.9, 0.6, 0.8, 0.3]),
+        right=np.array([True, False, True, True]),
+        objects=np.array([1, 4]),
+        frames=np.array([2, 2]),
+    )
+    weights = np.array([[1, 1], [2, 0], [0, 2]])
+    figures = goals.figures(matches, "vehicle", weights)
+    np.testing.assert_allclose(figures["false_per_frame"], [1 / 4, 1 / 2, 0])
+    np.testing.assert_allclose(figures["recall_at_half"], [3 / 5, 1, 2 / 4])
+    assert figures["ap_r1000"][1] == 100
+    queues = goals.figures(matches, goals.QUEUES, weights)["recall"]
+    np.testing.assert_allclose(queues, [3 / 5, 1, 2 / 4])
+
+
+class Perfect:
+    """Finds all vehicles of a sample; with the past it also finds one that is not there."""
+
+    past_s, classes = 60.0, unseen.CLASSES
+
+    def __init__(self, boxes: dict[int, np.ndarray[Any, Any]]) -> None:
+        self.boxes, self.columns = boxes, list[int]()
+
+    def know(self, _: Region) -> None:
+        pass
+
+    def predict(self, points: np.ndarray[Any, Any]) -> Detections:
+        self.columns.append(points.shape[1])
+        wrong = np.add(CARS[:1], [0, 5, 0, 0, 0, 0, 0])
+        boxes = np.concatenate([CARS, wrong]) if points.shape[1] == 6 else CARS
+        return vehicles(boxes, [0.9] * len(boxes))
+
+
+def test_sites_are_measured_once_and_rows_are_paired(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = list[float]()
+
+    def tested_at(*args: Any) -> Any:
+        asked.append(args[-1])
+        return [("ruby_plus", [sample(), sample()])]
+
+    monkeypatch.setattr(frozen_sites, "tested_at", tested_at)
+    network = cast(Network, Perfect({}))
+    first = cast(Network, SimpleNamespace(**vars(network), past_s=0.0, know=network.know,
+                                          predict=network.predict))  # fmt: skip
+    for _ in range(2):
+        for number in (0, 1):
+            goals.run_site("plain", number, {"a": first, "b": network}, 2, tmp_path)
+    assert asked == [60.0, 60.0]
+    files = {
+        (digest, past): [
+            goals.matches_file(tmp_path, "plain", n, digest, 2, with_past=past) for n in (0, 1)
+        ]
+        for digest, past in (("a", False), ("b", False), ("b", True))
+    }
+    rows = list(goals.rows("plain", files, {"a": "one", "b": "two"}))
+    false = [
+        (row["model"], row["inputs"], row["difference"])
+        for row in rows
+        if row["kind"] == "vehicle" and row["figure"] == "false_per_frame"
+    ]
+    assert false == [
+        ("one", "single frame", 0), ("two", "single frame", 0), ("two", "past", 1),
+    ]  # fmt: skip
+
+
+def test_a_vehicle_in_a_queue_stands_for_30_s_and_drives_at_another_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    at = {  # x of objects 1: parked, 2: in a queue, 3: drives
+        frame: {1: 5.0, 2: min(frame, 100) * 0.5, 3: frame * 0.5} for frame in range(600)
+    }
+
+    def positions(_: object, frame: int, __: float) -> dict[int, np.ndarray[Any, Any]]:
+        return {i: np.array([x, 0.0]) for i, x in at[frame].items()}
+
+    monkeypatch.setattr(frozen_sites, "positions", positions)
+    world = cast(Any, None)
+    ids = np.array([1, 2, 3])
+    assert frozen_sites.stands(world, 420, 0.1, 600, ids).tolist() == [False, True, False]
+    assert frozen_sites.stands(world, 380, 0.1, 600, ids).tolist() == [False, False, False]
+    assert not frozen_sites.stands(world, 200, 0.1, 600, ids).any()
+
+
+def test_sites_of_the_calibration_are_no_test_sites_and_no_training_sites() -> None:
+    ((keys, visits),) = frozen_sites.calibration_visits(1)
+    tested = {site["name"] for name in frozen_sites.SETS
+              for site, _ in frozen_sites.read_visits(name)}  # fmt: skip
+    assert keys["name"] not in tested
+    assert not {visit.lidar for visit in visits} & set(frozen_sites.HELD_OUT)
+    assert frozen_sites.CALIBRATION_SITE > 1_000_119
