@@ -23,7 +23,7 @@ from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.vocabulary import ObjectClass
 from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import lidar_file
-from pyinfra.dataset.frame_sequence import scene_objects
+from pyinfra.dataset.object_rows import scene_objects
 from pyinfra.models.training import sources
 from pyinfra.models.training.generated_sites import cast, maker, samples_of
 from pyinfra.models.training.past import PastFrames
