@@ -34,7 +34,7 @@ class CommaLocale {
   CommaLocale()
       : streams_before_(
             std::locale::global(std::locale(std::locale::classic(), new DecimalComma))) {
-    const std::string from = std::string(INFRASIM_SOURCE_DIR) + "/tests/data/locale/";
+    const std::string from = INFRASIM_SOURCE_DIR "/tests/data/locale/";
     const std::string folder = folder_.path().string();
     // The program warns of categories that are missing in the source, and then exits with 1.
     const std::string command = "localedef -c --no-archive -f " + from + "ascii -i " + from +
