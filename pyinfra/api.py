@@ -95,8 +95,7 @@ def train(
     from pyinfra.models.training.sources import read_source, sequence_source
 
     check_name(tier, TIERS, "tier")
-    several = isinstance(frames, (list, tuple))
-    given = list(frames) if several else [frames]
+    given: list[Any] = list(frames) if isinstance(frames, (list, tuple)) else [frames]
     if not given:
         raise Error("frames: expected one or more, got none")
     recipe = read_recipe(file_or_name(config, shipped("detectors"), "config"), tier)

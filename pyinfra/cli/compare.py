@@ -10,6 +10,7 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.core.files import check_output, replacing
 from pyinfra.core.vocabulary import SUBSETS
+from pyinfra.formats.csv_table import number_text
 from pyinfra.metrics.intervals import FEW_BLOCKS
 from pyinfra.metrics.places import compare_places
 
@@ -46,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
         check_output(args.out, ",".join(table.columns[:3]).encode())
         args.out.parent.mkdir(parents=True, exist_ok=True)
         with replacing(args.out) as beside:
-            table.to_csv(beside, index=False, float_format="%.6g")
+            table.to_csv(beside, index=False, float_format=number_text)
     print(table_text(table, args.ground_truth))
     return 0
 

@@ -12,6 +12,7 @@ from pyinfra.cli.messages import with_options
 from pyinfra.core.errors import Error
 from pyinfra.core.files import write
 from pyinfra.dataset.frames import has_labels
+from pyinfra.formats.csv_table import number_text
 from pyinfra.metrics.frame_checks import folders_with_frames, validate
 
 
@@ -80,4 +81,4 @@ def _trust(folder: Path, args: argparse.Namespace) -> None:
     print(table.drop(columns="frames").to_string(index=False, float_format=lambda v: f"{v:.3g}"))
     if args.out is not None:
         args.out.mkdir(parents=True, exist_ok=True)
-        write(args.out / "trust.csv", table.to_csv(index=False, float_format="%.6g"))
+        write(args.out / "trust.csv", table.to_csv(index=False, float_format=number_text))

@@ -12,8 +12,10 @@ import platform
 import shutil
 import stat
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -201,6 +203,23 @@ def naming(path: Path, beside: Path | None = None) -> Iterator[None]:
         at = [path / n.relative_to(beside) for n in named if beside and n.is_relative_to(beside)]
         error.filename, error.filename2 = str([*at, *named[-1:], path][0]), None
         raise
+
+
+@contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Lets no other process of this machine enter a block for the same folder.
+
+    Raises Error if another process is in such a block. The lock is no file of the folder.
+    """
+    name = sha256(str(resolved(folder)).encode()).hexdigest()[:24]
+    locks = Path(tempfile.gettempdir()) / f"pyinfra_locks_{os.getuid()}"
+    with held(locks / name, wait=False) as ours:
+        if not ours:
+            raise Error(
+                f"{folder}: expected no other process that writes to this folder, got one; wait "
+                "for it, or choose another folder"
+            )
+        yield
 
 
 @contextmanager

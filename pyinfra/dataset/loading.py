@@ -139,8 +139,10 @@ def load_lidar(
     """
     from pyinfra.dataset import simulation
 
-    file = file_of_keys(lidar) if isinstance(lidar, Mapping) else None
-    file = file or file_or_name(lidar, shipped("lidars"), "lidar")
+    if isinstance(lidar, Mapping):
+        file = file_of_keys(lidar)
+    else:
+        file = file_or_name(lidar, shipped("lidars"), "lidar")
     return simulation.load_lidar(
         file, preset, rate_hz=rate_hz, law_exponent=law_exponent, echo=echo
     )
@@ -317,8 +319,9 @@ def sequence_of(frames: AnyFrames, argument: str) -> FrameSequence:
         return frames.alone()
     if isinstance(frames, (FrameSequence, str, os.PathLike)):
         return one_lidar(frames, argument)
-    several = isinstance(frames, (list, tuple)) and np.ndim(frames[0] if frames else 0) != 1
-    items = list(frames) if several else [frames]
+    given: Any = frames
+    several = isinstance(given, (list, tuple)) and np.ndim(given[0] if given else 0) != 1
+    items = list(given) if several else [given]
     clouds = [_cloud(x.points if isinstance(x, LidarFrame) else x, argument) for x in items]
     return ArrayFrames(tuple(clouds), tuple(range(len(clouds))))
 

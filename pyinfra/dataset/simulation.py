@@ -83,7 +83,7 @@ def _remembered(made: Made, recipe: Callable[[], Made]) -> Made:
     return made
 
 
-def _reduced(made: World | Lidar) -> tuple[Callable[[], Any], tuple[()]]:
+def _reduced(made: object) -> tuple[Callable[[], Any], tuple[()]]:
     if made not in _RECIPES:
         name = type(made).__name__
         raise Error(f"{name}: expected a result of load_scene or load_lidar to pickle, got a copy")
@@ -186,8 +186,9 @@ def load_lidar(
     if law_exponent is not None:
         lidar = lidar.with_law_exponent(law_exponent)
     lidar = lidar if echo is None else lidar.with_echo(echo)
-    options = {"rate_hz": rate_hz, "law_exponent": law_exponent, "echo": echo}
-    return _remembered(lidar, partial(load_lidar, Path(file).absolute(), preset, **options))
+    again = partial(load_lidar, Path(file).absolute(), preset)
+    make = partial(again, rate_hz=rate_hz, law_exponent=law_exponent, echo=echo)
+    return _remembered(lidar, make)
 
 
 def label_time(scene: World, lidar: Lidar) -> LabelTime:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,19 +18,22 @@ from pyinfra.experiments.coverage import ROAD, coverage
 from pyinfra.experiments.requirements import FRAME_MS, Requirements
 from pyinfra.experiments.result_tables import Results, check_tier, hardly_learnt, read_results
 from pyinfra.experiments.value import KEY, MOUNTS, SITE_ITEMS, mounts_of
-from pyinfra.metrics.comparison import Interval
+from pyinfra.metrics.comparison import Interval, over_replicates
 from pyinfra.metrics.replicates import bootstrapped_of, difference, measure_of
 from pyinfra.metrics.row_selection import (
     AP_OF,
     AP_R1000,
     OFF_REGION,
     ap_name,
+    common_seeds,
+    first_seed,
     hidden_share,
     preset_of_answers,
     with_whole,
 )
 
 UNKNOWN = Interval(math.nan, math.nan, math.nan)
+BUSY = 0.25  # cores of other processes from which a latency is that of a loaded machine
 
 
 @dataclass(frozen=True)
@@ -78,18 +82,29 @@ class Option:
     mounts: int = 1  # number of LiDARs whose frames are fused
     off_region_per_min: float = math.nan  # boxes outside the region, score 0.5 or more
     hardly_learnt: bool = False  # whether the detector is a network trained in the smoke tier
+    per_seed: tuple[float, ...] = ()  # AP of all vehicles in each seed, if there are several
     other_frames: str = ""  # remark if the detector learnt from frames of another number
 
     @property
     def name(self) -> str:
         return f"{self.lidar} with {self.detector}"
 
+    @property
+    def least_latency_ms(self) -> float:
+        """The latency without the time that other processes may have taken, if they were busy."""
+        taken = self.other_cores if self.other_cores > BUSY else 0.0
+        return self.latency_ms / (1 + taken)
+
     def less(self, other: Option) -> Interval:
         """Returns the paired difference of the AP of all vehicles, this option less the other.
 
-        The difference has no interval if one of the options has no bootstrap replicates. Raises
+        With several seeds, this is Student's t interval of the differences of the seeds. Otherwise
+        the difference has no interval if one of the options has no bootstrap replicates. Raises
         Error for replicates of different blocks of time.
         """
+        if len(self.per_seed) > 1:
+            pairs = zip(self.per_seed, other.per_seed, strict=True)
+            return over_replicates([a - b for a, b in pairs])
         if self.replicates is None or other.replicates is None:
             return Interval(self.ap_whole.value - other.ap_whole.value, math.nan, math.nan)
         return difference(self.replicates, other.replicates).measured()
@@ -110,15 +125,45 @@ def options_of(
 ) -> list[Option]:
     """Returns the finished experiments of a scene, ordered by AP of all vehicles, then by price.
 
-    If there are several seeds, only the lowest is used. preset: by default the result of
-    `preset_of_answers`. Raises Error for an invalid table, for a scene or preset without results,
-    and for a table in which experiments are missing.
+    The options have the seeds that all of them have. If there are several, figures are means over
+    the seeds, with Student's t intervals, and prices and latencies are of the first. preset: by
+    default the result of `preset_of_answers`. Raises Error for an invalid table, for a scene or
+    preset without results, and for a table in which experiments are missing.
     """
-    done = results.done()
+    done = results.finished()
     if done.empty:
         raise Error(f"{file_of(results, 'experiments')}: expected a finished experiment, got none")
     scene, preset = chosen(done, scene, preset)
-    experiments = done[(done.scene == scene) & (done.preset == preset)]
+    rows = done[(done.scene == scene) & (done.preset == preset)]
+    seed, seeds = pd.to_numeric(rows.seed), common_seeds(rows)
+    alone = len(seeds) == 1
+    parts = [first_seed(rows)] if alone else [rows[seed == number] for number in seeds]
+    of_seeds = [_of_seed(results, part, requirements) for part in parts]
+    by_name = [{o.name: o for o in options} for options in of_seeds]
+    names = [name for name in by_name[0] if all(name in options for options in by_name)]
+    options = [over_seeds([options[name] for options in by_name]) for name in names]
+    return sorted(options, key=lambda o: (-np.nan_to_num(o.ap_whole.value), o.price_usd))
+
+
+def over_seeds(options: Sequence[Option]) -> Option:
+    """Returns an option with the mean figures of its seeds, which have independent traffic."""
+    first = options[0]
+    if len(options) == 1:
+        return first
+    figures = ("ap_whole", "ap_visible", "ap", "covered_m", "recall")
+    means: dict[str, Any] = {
+        name: over_replicates([getattr(option, name).value for option in options])
+        for name in figures
+    }
+    per_seed = tuple(option.ap_whole.value for option in options)
+    return replace(first, per_seed=per_seed, no_interval="", **means)
+
+
+def _of_seed(
+    results: Results, experiments: pd.DataFrame, requirements: Requirements
+) -> list[Option]:
+    """Returns the options of one seed of a scene and preset."""
+    scene, preset = str(experiments.scene.iloc[0]), str(experiments.preset.iloc[0])
     experiments = experiments.assign(hardly_learnt=hardly_learnt(experiments))
     experiments = within(with_whole(experiments), results.table("ranges"), requirements)
     experiments = experiments.assign(hidden=hidden_share(experiments))
@@ -132,8 +177,7 @@ def options_of(
     table = joined(table, covering, file_of(results, "distance"))
     replicates = ExperimentReplicates(results.table("replicates"))
     name = ap_name(table)
-    options = [replace(option(row, replicates), ap_name=name) for _, row in table.iterrows()]
-    return sorted(options, key=lambda o: (-np.nan_to_num(o.ap_whole.value), o.price_usd))
+    return [replace(option(row, replicates), ap_name=name) for _, row in table.iterrows()]
 
 
 def read_tables(folder: Path, tier: str) -> Results:

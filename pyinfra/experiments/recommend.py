@@ -288,7 +288,16 @@ def doubts_of_price(named: Sequence[Option], requirements: Requirements) -> Iter
 
 
 def doubts_of_latency(named: Sequence[Option], requirements: Requirements) -> Iterator[str]:
-    """Yields a remark on options that exceed the latency in more than 5 % of the frames."""
+    """Yields remarks on options that exceed the latency on a loaded machine or in some frames."""
+    unsure = [o for o in named if o.latency_ms > requirements.limit_ms(o.frame_ms)]
+    if unsure:
+        limits = requirements.limits_text(option.frame_ms for option in unsure)
+        load = load_text([option.other_cores for option in unsure])
+        yield (
+            f"Above {limits}, but measured while {load}: {names(unsure)}. Measure the latency "
+            "again on an idle machine."
+        )
+    named = [option for option in named if option not in unsure]
     late = [o for o in named if o.latency_p95_ms > requirements.limit_ms(o.frame_ms)]
     if late:
         limits = requirements.limits_text(option.frame_ms for option in late)

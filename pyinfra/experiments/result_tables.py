@@ -181,9 +181,13 @@ class Results:
         return self.tables[name]
 
     def done(self) -> pd.DataFrame:
-        """Returns the experiments that have an AP. If there are several seeds, uses the lowest."""
+        """Returns the experiments that have an AP, of the first seed that all of them have."""
+        return first_seed(self.finished())
+
+    def finished(self) -> pd.DataFrame:
+        """Returns the experiments of all seeds that have an AP."""
         experiments = self.tables["experiments"]
-        return first_seed(experiments[experiments.ap.notna()])
+        return experiments[experiments.ap.notna()]
 
     def file(self, name: str) -> str:
         return self.kinds[name].file.format(tier=self.tier)

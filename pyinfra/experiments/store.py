@@ -7,13 +7,14 @@ run again (`fill`).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
 from pandas.api.types import is_string_dtype
 
 from pyinfra.core.files import held, replacing
-from pyinfra.formats.csv_table import WORDS, existing, read_csv
+from pyinfra.formats.csv_table import WORDS, existing, number_text, read_csv
 
 
 def read(file: Path, words: Sequence[str] = ()) -> pd.DataFrame:
@@ -49,7 +50,7 @@ def lock(file: Path) -> Path:
 def write(file: Path, table: pd.DataFrame, digits: int = 6) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
     with replacing(file) as beside:
-        table.to_csv(beside, index=False, float_format=f"%.{digits}g")
+        table.to_csv(beside, index=False, float_format=partial(number_text, digits=digits))
 
 
 def without(table: pd.DataFrame, rows: pd.DataFrame, key: Sequence[str]) -> pd.DataFrame:

@@ -76,6 +76,12 @@ def _with_current_values(table: pd.DataFrame) -> pd.DataFrame:
     return table.replace({c: values for c, values in _RENAMED_VALUES.items() if c in table})
 
 
+def number_text(value: float, digits: int = 6) -> str:
+    """Returns a number for a table: whole numbers exactly, others with `digits` digits."""
+    whole = float(value).is_integer() and abs(value) < 2**53
+    return f"{value:.0f}" if whole else f"{value:.{digits}g}"
+
+
 def existing(file: Path) -> Path:
     """Returns `file`, or the file of version 0.3 with the same table if only that file exists."""
     older = file.with_name(re.sub(r"replicates\.csv$", "draws.csv", file.name))

@@ -19,6 +19,7 @@ from pyinfra.core.present import Presented
 from pyinfra.core.vocabulary import Subset
 from pyinfra.dataset.frame_tables import Predictions
 from pyinfra.dataset.regions import FOOTWAYS_M
+from pyinfra.formats.csv_table import number_text
 from pyinfra.metrics.comparison import Bootstrapped
 from pyinfra.metrics.evaluation_tables import (
     AP_COLUMNS,
@@ -103,7 +104,7 @@ class Evaluation(Presented):
         for name, table in self.tables().items():
             files.append(out / f"{name}.csv")
             with replacing(files[-1]) as beside:
-                table.to_csv(beside, index=False, float_format="%.6g")
+                table.to_csv(beside, index=False, float_format=number_text)
         return files
 
     def plot(self, ax: Axes | None = None) -> Axes:

@@ -87,10 +87,31 @@ def hidden_share(experiments: pd.DataFrame) -> pd.Series:
     )
 
 
-def first_seed(rows: pd.DataFrame) -> pd.DataFrame:
-    """Returns the rows of the lowest seed of each experiment."""
+def common_seeds(rows: pd.DataFrame) -> list[float]:
+    """Returns the seeds that all experiments of one scene and preset have, ascending.
+
+    If they have none in common, the result is the lowest seed of all.
+    """
     seed = pd.to_numeric(rows.seed)
-    return rows[seed == seed.groupby([rows[name] for name in EXPERIMENT]).transform("min")]
+    of_each = seed.groupby([rows[name] for name in EXPERIMENT], dropna=False).agg(set)
+    return sorted(set.intersection(*of_each)) or [float(seed.min())]
+
+
+def first_seed(rows: pd.DataFrame) -> pd.DataFrame:
+    """Returns the rows of the lowest seed that all experiments of a scene and preset have.
+
+    Differences of experiments are then those of equal traffic. Without a common seed, each
+    experiment has the rows of its own lowest seed.
+    """
+    if rows.empty:
+        return rows
+    seed = pd.to_numeric(rows.seed)
+    own = seed.groupby([rows[name] for name in EXPERIMENT], dropna=False).transform("min")
+    first = pd.Series(np.nan, index=rows.index)
+    for _, part in rows.groupby(["scene", "preset"], dropna=False):
+        first[part.index] = common_seeds(part)[0]
+    has_first = (seed == first).groupby([rows[name] for name in EXPERIMENT], dropna=False)
+    return rows[seed == first.where(has_first.transform("any"), own)]
 
 
 def first_stress(rows: pd.DataFrame) -> pd.DataFrame:

@@ -20,6 +20,7 @@ from pyinfra.core.progress import track
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.data_set import DataSet, read_data_set
 from pyinfra.dataset.trajectories import existing, read_rows
+from pyinfra.formats.csv_table import number_text
 from pyinfra.formats.kitti import RECORDED
 from pyinfra.metrics import scanning_tables as statistics_tables
 from pyinfra.metrics.intervals import Blocks
@@ -213,7 +214,7 @@ def write(tables: Tables, out: Path) -> list[Path]:
     for name, table in tables.items():
         file = out / f"{name}.csv"
         with replacing(file) as beside:
-            table.to_csv(beside, index=False, float_format="%.6g")
+            table.to_csv(beside, index=False, float_format=number_text)
         files.append(file)
     return files
 

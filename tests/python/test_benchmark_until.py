@@ -51,9 +51,9 @@ def test_the_best_two_options_are_compared_pairwise_with_students_interval() -> 
     table = until.comparison_table([rows(90, 86), rows(80, 75), rows(85, 79)])
     (row,) = table.itertuples()
     assert (row.first, row.second) == ("ruby_plus background", "livox_avia background")
-    assert row.difference == pytest.approx(5)
-    half = stats.t.ppf(1 - 0.05 / 6, 2) / math.sqrt(3)
-    assert (row.half_width, row.low) == (pytest.approx(half), pytest.approx(5 - half))
+    assert row.difference == pytest.approx(5.5)  # the first replicate chooses the two
+    half = stats.t.ppf(1 - 0.05 / 6, 1) * math.sqrt(0.5) / math.sqrt(2)
+    assert (row.half_width, row.low) == (pytest.approx(half), pytest.approx(5.5 - half))
 
 
 @pytest.mark.parametrize(("spread", "runs"), [(0.1, 3), (3.0, 10)])
@@ -69,7 +69,7 @@ def test_replicates_stop_at_the_first_look_that_is_precise_enough(
     monkeypatch.setattr(until, "_replicate", replicate)
     workspace = Workspace(tmp_path / "work", tmp_path / "out", "smoke")
     table = until.benchmark_until(read_plan(config, "smoke"), workspace, Pool("local", 1), 1.0)
-    assert (len(made), table.replicates.item()) == (runs, runs)
+    assert (len(made), table.replicates.item()) == (runs + 1, runs)
     assert pd.read_csv(workspace.table("until")).replicates.item() == runs
 
 

@@ -16,6 +16,10 @@ from pyinfra.cli import main  # noqa: E402
 from pyinfra.core.config import as_plain  # noqa: E402
 from pyinfra.core.vocabulary import Tier  # noqa: E402
 from pyinfra.models.detectors.batch import make_batch  # noqa: E402
+from pyinfra.models.detectors.classes import TYPES  # noqa: E402
+from pyinfra.models.detectors.suppression import MIN_SCORE, NMS_IOU  # noqa: E402
+from pyinfra.models.inference.onnx_suppression import remaining  # noqa: E402
+from pyinfra.models.ops.kernels import kernels  # noqa: E402
 from pyinfra.models.training import checkpoint  # noqa: E402
 from pyinfra.models.training.provenance import Provenance  # noqa: E402
 from pyinfra.models.training.recipe import read_recipe  # noqa: E402
@@ -56,16 +60,38 @@ def test_the_file_gives_the_boxes_of_the_network(name: str, tmp_path: Path) -> N
     network = checkpoint.load(run / "last.safetensors").network()
     for points in (road_sample(1).points, road_sample(2).points[::3], road_sample(3).points[:1]):
         inside = network.site.area.crop(points)
-        outputs = session.run(None, {"points": inside})
-        ours = network.best(*(torch.from_numpy(column) for column in outputs))
-        theirs = network.predict(points)
-        np.testing.assert_allclose(ours.boxes, theirs.boxes, atol=1e-3)
-        np.testing.assert_allclose(ours.scores, theirs.scores, atol=1e-4)
-        assert ours.names.tolist() == theirs.names.tolist()
+        boxes, scores, *classes = session.run(None, {"points": inside})
+        theirs = network.predict(points)  # the suppression is that of the detectors
+        np.testing.assert_allclose(boxes, theirs.boxes, atol=1e-3)
+        np.testing.assert_allclose(scores, theirs.scores, atol=1e-4)
+        numbers = classes[0] if classes else np.zeros(len(scores), int)
+        names = [TYPES[network.classes[number]] for number in numbers]
+        assert names == theirs.names.tolist()
     assert len(network.predict(road_sample(1).points)) > 0
     kept = session.get_modelmeta().custom_metadata_map
     assert json.loads(kept["about"])["detector"] in (name, "centerpoint-pillar")
     assert json.loads(kept["area"])["floor_z"] == SITE.floor_z
+
+
+def test_the_suppression_of_the_graph_is_that_of_the_detectors() -> None:
+    """Boxes of any heading overlap in chains, and some are equal or of another class."""
+    random = np.random.default_rng(1)
+    low, high = np.array([-15, -15, 0, 3, 1.5, 2, -3]), np.array([15, 15, 0, 12, 3, 2, 3])
+    boxes = random.uniform(low, high, (300, 7))
+    boxes[100:120] = boxes[:20]
+    scores = np.sort(random.uniform(0, 1, 300))[::-1].copy()
+    classes = np.zeros(300, np.int64)
+    kept = remaining(*map(torch.from_numpy, (boxes, scores, classes)), MIN_SCORE).numpy()
+    want = kernels.suppress(boxes[scores >= MIN_SCORE], NMS_IOU, 300)
+    assert kept.tolist() == want.tolist()
+    both = np.concatenate([boxes, boxes])
+    twice = remaining(
+        torch.from_numpy(both),
+        torch.from_numpy(np.concatenate([scores, scores])),
+        torch.from_numpy(np.repeat([0, 1], 300)),
+        MIN_SCORE,
+    )
+    assert len(twice) == 2 * len(want)
 
 
 def test_a_detector_that_is_not_dense_is_refused(

@@ -745,3 +745,50 @@ def test_results_without_every_vehicle_say_so_and_are_compared_as_before(
         "1. livox_avia with pointpillars: AP (R40) of all visible vehicles 94.0"
     )
     assert any("have no AP of the subset `present`" in line for line in lines)
+
+
+def add_second_seed(results: Path, fall: float) -> None:
+    """Adds rows of seed 2, in which the AP of each experiment is lower by `fall`."""
+    for file in results.glob("quick*.csv"):
+        table = pd.read_csv(file)
+        if "seed" in table:
+            second = table.assign(seed=2)
+            names = [n for n in table if n == "ap" or n.startswith(("ap_all", "ap_whole"))]
+            if file.name == "quick.csv":
+                second[names] -= fall
+            pd.concat([table, second]).to_csv(file, index=False)
+
+
+def test_a_recommendation_is_over_all_seeds(results: Path) -> None:
+    first = pi.recommend(results, min_ap=1).set_index(["lidar", "detector"])
+    add_second_seed(results, 4)
+    both = pi.recommend(results, min_ap=1).set_index(["lidar", "detector"])
+    np.testing.assert_allclose(both.ap_r1000, (first.ap_r1000 - 2)[both.index])
+    assert (both.ap_r1000_low < both.ap_r1000).all()
+    assert both.difference.iloc[0] == 0
+
+
+def test_options_with_a_failed_seed_are_compared_in_the_seeds_of_all(results: Path) -> None:
+    first = pi.recommend(results, min_ap=1).set_index(["lidar", "detector"])
+    add_second_seed(results, 4)
+    lidar, detector = first.index[0]
+    failed = f"seed == 1 and lidar == '{lidar}' and detector == '{detector}'"
+    change(results / "quick.csv", failed, ap=None)
+    both = pi.recommend(results, min_ap=1).set_index(["lidar", "detector"])
+    np.testing.assert_allclose(both.ap_r1000, (first.ap_r1000 - 4)[both.index])
+
+
+def test_a_latency_of_a_loaded_machine_leaves_no_lidar_out(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change(results / "quick.csv", "detector == 'pv-rcnn'", latency_p50_ms=150.0)
+    words = ("--budget", 8000, "--min-ap", 75)
+    assert any(
+        "Left out: " in line and "pv-rcnn" in line and "150 ms" in line
+        for line in output_lines(capsys, results, *words)
+    )
+    change(results / "quick.csv", "detector == 'pv-rcnn'", latency_other_cores=1.5)
+    lines = output_lines(capsys, results, *words)
+    assert not any("Left out: " in line and "150 ms" in line for line in lines)
+    (note,) = [line for line in lines if "measured while other processes used 1.5 cores" in line]
+    assert note.endswith("Measure the latency again on an idle machine.")

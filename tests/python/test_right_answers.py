@@ -17,10 +17,12 @@ from exchange_data import write_recording
 
 import pyinfra as pi
 from pyinfra.core.errors import FindingWarning
+from pyinfra.core.files import alone
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frame_sequence import FrameSequence
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.exchange.series import read_frames, read_series
+from pyinfra.experiments import store
 from pyinfra.formats import kitti
 from pyinfra.metrics.frame_checks import validate
 from pyinfra.metrics.ground_truth import read_ground_truth
@@ -359,3 +361,28 @@ def test_the_other_package_of_this_name_is_reported(tmp_path: Path) -> None:
     mixed = run([sys.executable, "-c", "import pyinfra"], cwd=tmp_path)
     assert "ImportError: the package 'pyinfra' of PyPI" in mixed.stderr
     assert "pip uninstall pyinfra infrasim" in mixed.stderr
+
+
+# --- files of results -----------------------------------------------------------------------------
+
+
+def test_whole_numbers_of_tables_are_exact(tmp_path: Path) -> None:
+    rows = pd.DataFrame(
+        {"a": [1234567.0, np.nan, 123456789.0, 0.123456789], "b": [12345678, 1, 2, 3]}
+    )
+    store.write(tmp_path / "t.csv", rows)
+    back = pd.read_csv(tmp_path / "t.csv")
+    assert back.a.tolist()[::2] == [1234567, 123456789]
+    assert back.a[3] == pytest.approx(0.123457)
+    assert back.b.tolist() == rows.b.tolist()
+
+
+def test_one_process_alone_writes_to_a_folder(tmp_path: Path) -> None:
+    """Two trainings, or two detections, of one folder would mix their files."""
+    with alone(tmp_path / "out"):
+        with pytest.raises(pi.Error, match="expected no other process"), alone(tmp_path / "out"):
+            pass
+        with alone(tmp_path / "other"):
+            pass
+    with alone(tmp_path / "out"):
+        pass

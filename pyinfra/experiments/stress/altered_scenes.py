@@ -21,7 +21,7 @@ import yaml
 
 from pyinfra.core.errors import Error
 from pyinfra.core.files import held, replacing, resolved
-from pyinfra.dataset import split
+from pyinfra.dataset import simulation, split
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.frames import frame_numbers, lidar_folder, period_of
 from pyinfra.dataset.runs import SimulatorError, infrasim
@@ -297,10 +297,11 @@ def _written(texts: dict[str, str], altered: AlteredScene, folder: Path) -> tupl
 def _digest(base: Base, altered: AlteredScene, texts: dict[str, str]) -> str:
     """Returns a digest of a changed simulation's inputs.
 
-    The digest leaves out the frame numbers and the simulator's version. Raises SimulatorError.
+    The digest leaves out the numbers of the frames. Raises SimulatorError.
     """
     preset = _preset(base, altered)
     parts = [*texts.values(), preset, base.lidar.label_time, *altered.set]
+    parts.append(f"frames_version {simulation.frames_version()}")
     if altered.lidar:
         parts.append(infrasim("check", lidar_file(altered.lidar), "--preset", preset))
     digest = hashlib.sha256("\n".join(parts).encode())

@@ -11,6 +11,7 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.core.errors import Error
+from pyinfra.core.files import alone
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.frames import frame_numbers, frame_range, has_labels, period_of
 from pyinfra.dataset.frames_version import number_at
@@ -174,22 +175,23 @@ def detect_folder(
         warn(text)
     detector = detector_at_place(model, where, device, threads)
     read = stacking(lidar_folder, numbers, accumulation_of(model), past_seconds(model))
-    out.mkdir(parents=True, exist_ok=True)
-    if read_origin(out) is not None or not others(out, files):
-        write_origin(out, model_origin(lidar_folder, model))
-    warn_of_height(files, read, where, warn)
     known = frame_numbers(lidar_folder, "all"), period_of(lidar_folder)
     inputs = inputs_used(model, numbers, *known)
-    if not drop_standing:
-        return FolderDetections(files, *detect(detector, files, out, read=read), inputs=inputs)
-    once(files)
-    detections_of_all, times = detect(detector, files, None, read=read)
-    clouds = [partial(kitti.read_points, file) for file in files]
-    filtered = without_standing(clouds, detections_of_all, where.region, where.ground)
-    if text := length_warning(numbers, period_of(lidar_folder)):
-        warn(text)
-    for file, detections in zip(files, filtered, strict=True):
-        write(out, file, detections)
+    with alone(out):
+        out.mkdir(parents=True, exist_ok=True)
+        if read_origin(out) is not None or not others(out, files):
+            write_origin(out, model_origin(lidar_folder, model))
+        warn_of_height(files, read, where, warn)
+        if not drop_standing:
+            return FolderDetections(files, *detect(detector, files, out, read=read), inputs=inputs)
+        once(files)
+        detections_of_all, times = detect(detector, files, None, read=read)
+        clouds = [partial(kitti.read_points, file) for file in files]
+        filtered = without_standing(clouds, detections_of_all, where.region, where.ground)
+        if text := length_warning(numbers, period_of(lidar_folder)):
+            warn(text)
+        for file, detections in zip(files, filtered, strict=True):
+            write(out, file, detections)
     left_out = sum(map(len, detections_of_all)) - sum(map(len, filtered))
     return FolderDetections(files, filtered, times, left_out, inputs)
 

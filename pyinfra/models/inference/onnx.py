@@ -1,11 +1,11 @@
 """Exports a dense detector, from points to boxes, as one ONNX graph.
 
-The input is `points` (n, 4) float32, n >= 1, inside the area in the file's metadata. If the network
-uses the past of a fixed sensor, the points have two more columns (training/past.py), which are 0
-without a past. The outputs are `boxes` (k, 7) and `scores` (k,), best first, before non-maximum
-suppression. A network with several classes returns the boxes of one class after another. It also
-has the output `classes` (k,) with class numbers. x and y of points and boxes are in the levelled
-LiDAR frame, and z is measured from the road. Scores are those before calibration.
+The input is `points` (n, 4) float32, n >= 1, inside the area in the file's metadata: x y z and
+intensity (0 to 1). If the network uses the past of a fixed sensor, the points have two more columns
+(training/past.py), which are 0 without a past. The outputs are `boxes` (k, 7) and `scores` (k,),
+best first, after non-maximum suppression; k may be 0. A network with several classes also has the
+output `classes` (k,) with class numbers. x and y of points and boxes are in the levelled LiDAR
+frame, and z is measured from the road. Scores are those before calibration.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from pyinfra.models.detectors.centerpoint_pillar import CenterPointPillar
 from pyinfra.models.detectors.pillars import PillarEncoder
 from pyinfra.models.detectors.pointpillars import PointPillars
 from pyinfra.models.inference.detect import check_single, model_file
+from pyinfra.models.inference.onnx_suppression import remaining
 from pyinfra.models.training import checkpoint
 
 DENSE = (PointPillars, CenterPointPillar)
@@ -42,8 +43,10 @@ class Graph(nn.Module):
 
     def forward(self, points: Tensor) -> tuple[Tensor, ...]:
         canvas = whole_canvas(self.network.encoder, points)
-        (candidates,) = self.network.head.candidates(self.network.bev(canvas))
-        return candidates
+        ((boxes, scores, *numbers),) = self.network.head.candidates(self.network.bev(canvas))
+        classes = numbers[0] if numbers else torch.zeros_like(scores, dtype=torch.int64)
+        kept = remaining(boxes, scores, classes, self.network.min_score)
+        return tuple(column[kept] for column in (boxes, scores, *numbers))
 
 
 def whole_canvas(encoder: PillarEncoder, points: Tensor) -> Tensor:

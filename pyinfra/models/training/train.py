@@ -20,7 +20,7 @@ from tqdm import tqdm
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.config import as_plain
 from pyinfra.core.errors import ConfigError, Error
-from pyinfra.core.files import replacing
+from pyinfra.core.files import alone, replacing
 from pyinfra.core.vocabulary import LabelTime
 from pyinfra.models.detectors.background import Background
 from pyinfra.models.inference.detect import model_file
@@ -155,7 +155,10 @@ def _train_network(
         begun = loop.read_begun(out, description)
         done = begun.provenance.step if begun is not None else 0
         first = distributed.rank() == 0
-        with _reporting(out, description, done, quiet) if first else nullcontext() as report:
+        with (
+            alone(out) if first else nullcontext(),
+            _reporting(out, description, done, quiet) if first else nullcontext() as report,
+        ):
             loop.train(
                 network,
                 frames,

@@ -1,0 +1,80 @@
+"""Non-maximum suppression in operators that ONNX has, for boxes of any heading.
+
+The operator `NonMaxSuppression` of ONNX has boxes without a heading, which overlap their
+neighbours on diagonal roads. The suppression here is that of the detectors (`suppression.py`): a
+box is left out if its footprint overlaps a better remaining box of its class by more than NMS_IOU.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from pyinfra.models.detectors.suppression import NMS_IOU
+
+# Each step settles boxes that hang on one more better box. Longer chains do not occur in practice.
+STEPS = 12
+FLAT = 1e-6  # least change of a coordinate along an edge, metres
+
+
+def remaining(boxes: Tensor, scores: Tensor, classes: Tensor, min_score: float) -> Tensor:
+    """Returns the indices of the boxes that remain, best first.
+
+    boxes: (k, 7). scores, classes: (k,). Boxes below min_score are left out.
+    """
+    good = torch.nonzero(scores >= min_score).flatten()
+    order = good[torch.argsort(scores[good], descending=True, stable=True)]
+    boxes, classes = boxes[order], classes[order]
+    radius = boxes[:, 3:5].square().sum(dim=1).sqrt() / 2
+    apart = boxes[:, None, :2] - boxes[None, :, :2]
+    near = apart.square().sum(dim=2).sqrt() < radius[:, None] + radius[None, :]
+    rank = torch.arange(boxes.shape[0])
+    worse = (rank[:, None] > rank[None, :]) & (classes[:, None] == classes[None, :])
+    pairs = torch.nonzero(near & worse)
+    later, better = pairs[:, 0], pairs[:, 1]
+    overlap = (overlaps(boxes[later], boxes[better]) > NMS_IOU).to(boxes.dtype)
+    above = torch.zeros_like(near, dtype=boxes.dtype).index_put((later, better), overlap)
+    kept = torch.ones_like(radius)
+    for _ in range(STEPS):
+        kept = (above @ kept < 0.5).to(boxes.dtype)
+    return order[torch.nonzero(kept > 0.5).flatten()]
+
+
+def overlaps(a: Tensor, b: Tensor) -> Tensor:
+    """Returns the IoU (m,) of the footprints of boxes (m, 7) and (m, 7).
+
+    The border of the intersection consists of the parts of each footprint's edges inside the other.
+    """
+    shift = b[:, :2] - a[:, :2]
+    none = torch.zeros_like(shift)
+    common = _inside(_corners(a, none), b, shift) + _inside(_corners(b, shift), a, none)
+    areas = a[:, 3] * a[:, 4] + b[:, 3] * b[:, 4]
+    return common / (areas - common).clamp(min=FLAT)
+
+
+def _turn(boxes: Tensor) -> Tensor:
+    """Returns the rotations (m, 2, 2) from boxes to the ground."""
+    cos, sin = boxes[:, 6].cos(), boxes[:, 6].sin()
+    return torch.stack([torch.stack([cos, -sin], dim=1), torch.stack([sin, cos], dim=1)], dim=1)
+
+
+def _corners(boxes: Tensor, centres: Tensor) -> Tensor:
+    """Returns the corners (m, 4, 2) of boxes at other centres (m, 2), counterclockwise."""
+    signs = torch.tensor([[1.0, 1], [-1, 1], [-1, -1], [1, -1]], dtype=boxes.dtype)
+    corners = signs[None] * boxes[:, None, 3:5] / 2
+    return corners @ _turn(boxes).transpose(1, 2) + centres[:, None]
+
+
+def _inside(corners: Tensor, boxes: Tensor, centres: Tensor) -> Tensor:
+    """Returns the area (m,) below the parts of the edges between corners inside boxes."""
+    start, edge = corners, torch.cat([corners[:, 1:], corners[:, :1]], dim=1) - corners
+    turn = _turn(boxes)
+    at, along = (start - centres[:, None]) @ turn, edge @ turn
+    along = torch.where(along.abs() < FLAT, torch.full_like(along, FLAT), along)
+    half = boxes[:, None, 3:5] / 2
+    one, two = (-half - at) / along, (half - at) / along
+    enter = torch.minimum(one, two).amax(dim=2).clamp(min=0)
+    leave = torch.maximum(one, two).amin(dim=2).clamp(max=1)
+    first, last = start + enter[..., None] * edge, start + leave[..., None] * edge
+    cross = first[..., 0] * last[..., 1] - first[..., 1] * last[..., 0]
+    return torch.where(leave > enter, cross, torch.zeros_like(cross)).sum(dim=1) / 2
