@@ -75,19 +75,25 @@ def read_labelled(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
 
 
 def other_types(
-    lidar_folder: Path, frames: Sequence[int], vehicles: Vehicles, types: Sequence[str]
+    lidar_folder: Path,
+    frames: Sequence[int],
+    vehicles: Vehicles,
+    types: Sequence[str],
+    part: kitti.Part = "objects",
 ) -> str | None:
     """Returns a message about class names in the ground truth that are unknown and not in `types`.
 
     Objects with an unknown class name are never counted; for example, `car` is not `Car`. Returns
-    None if there are no such names.
+    None if there are no such names. part: files from which the vehicles were read; those of the
+    labels if the folder has no `objects`.
     """
     other = ~np.isin(vehicles.names, [*types, *VEHICLE_TYPES, *OTHER_TYPES])
     if not other.any():
         return None
     names, counts = np.unique(vehicles.names[other], return_counts=True)
     listed = ", ".join(f"{name} ({count})" for name, count in zip(names, counts, strict=True))
-    part: kitti.Part = "objects" if (lidar_folder / "training/objects").is_dir() else "label_2"
+    if not (lidar_folder / "training" / part).is_dir():
+        part = "label_2"
     first = int(np.flatnonzero(other)[0])
     file = kitti.frame_file(lidar_folder, part, frames[vehicles.frame[first]])
     name = str(vehicles.names[first])

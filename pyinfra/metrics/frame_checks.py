@@ -71,7 +71,7 @@ def validate(
     findings += ground_truth_findings(folder, frames, vehicles, types)
     labelled = read_labelled(folder, frames)  # the label files, which other tools read
     has_objects = (folder / "training/objects").is_dir()
-    if has_objects and (other := other_types(folder, frames, labelled, types)):
+    if has_objects and (other := other_types(folder, frames, labelled, types, "label_2")):
         findings.append(Finding("warning", "other-types", other))
     findings += [*_labels(folder, frames), *_clouds(folder, frames), *_ranges(folder, vehicles)]
     findings += [*_sizes(folder, frames), *_counts(folder, frames)]

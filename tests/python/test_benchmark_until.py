@@ -118,10 +118,10 @@ def test_replicates_of_the_command_have_traffic_of_their_own(
     words = ["benchmark", str(config), "--tier", "smoke", "--out", str(out), "--work", str(work)]
     assert main.main([*words, "--until", "100"]) == 0
     assert "over 3 replicates" in capsys.readouterr().out
-    folders = [out, out / "replicate_2", out / "replicate_3"]
-    assert not (out / "replicate_4").exists()
+    folders = [out, *(out / f"replicate_{number}" for number in (2, 3, 4))]
+    assert not (out / "replicate_5").exists()
     aps = [tuple(pd.read_csv(folder / "smoke.csv").ap_r1000) for folder in folders]
-    assert len(set(aps)) == 3
+    assert len(set(aps)) == 4
 
 
 def test_several_seeds_or_no_width_are_refused(config: Path, tmp_path: Path) -> None:
