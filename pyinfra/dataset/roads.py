@@ -73,7 +73,7 @@ def _road(name: str, values: FloatArray, file: Path) -> Road:
     if len(values) < 2 or not (np.diff(values[:, 0]) > 0).all():
         raise FormatError(f"{file}: road {name}: s: expected ascending values, got other values")
     steps = np.diff(values[:, 0])  # shorter at the ends of lanes from a file
-    if steps.max() > _MOST_STEPS * np.median(steps):
+    if steps.max() > _MOST_STEPS * max(1.0, np.median(steps)):
         raise FormatError(
             f"{file}: road {name}: s: expected even steps, got {steps.max():g} m after "
             f"{values[steps.argmax(), 0]:g}; are rows missing?"

@@ -3,9 +3,9 @@
 A replicate has its own traffic and its own training seed. The first replicate chooses the two
 options (LiDAR and detector) with the highest AP of each scene and preset. After 3, 5 and 10 further
 replicates, these alone are used to compare the two. The choice and the comparison therefore have no
-data in common. The numbers of replicates are fixed beforehand and each comparison has a level of 1 -
-0.05 / 3. The probability that any of the three intervals of a pair excludes the true difference is
-therefore at most 5 %.
+data in common. The numbers of replicates are fixed beforehand and each comparison has a level of
+1 - 0.05 / 3. The probability that any of the three intervals of a pair excludes the true difference
+is therefore at most 5 %.
 """
 
 from __future__ import annotations
