@@ -49,6 +49,7 @@ LATER: frozenset[str] = frozenset(
         "Augmentation.no_intensity",
         "Augmentation.intensity_gain",
         "Config.past_s",
+        "Recipe.hook",
     )
 )
 

@@ -45,9 +45,11 @@ VERSION = "v1.0-infrasim"
 CHANNEL = "LIDAR_TOP"  # the only LiDAR name that the devkit knows
 MAX_INTENSITY = 255
 STILL_MPS = 0.2  # highest speed of a standing object
+# A table of this package, with values of annotations that the schema does not hold.
+OWN = "infrasim"
 TABLES = (
     "attribute calibrated_sensor category ego_pose instance log map sample sample_annotation "
-    "sample_data scene sensor visibility"
+    f"sample_data scene sensor visibility {OWN}"
 ).split()
 # Lower bound of the visible share at each visibility level.
 VISIBILITY = {"v0-40": 0.0, "v40-60": 0.4, "v60-80": 0.6, "v80-100": 0.8}
@@ -65,8 +67,6 @@ class Category:
 _DRIVES = ("vehicle.moving", "vehicle.stopped")
 _RIDDEN = ("cycle.with_rider", "cycle.with_rider")
 _WALKS = ("pedestrian.moving", "pedestrian.standing")
-# Key of an annotation with values that the schema does not hold; the devkit ignores other keys.
-OWN = "infrasim"
 CATEGORIES = {
     "Car": Category("vehicle.car", *_DRIVES),
     "Van": Category("vehicle.car", *_DRIVES),
@@ -280,8 +280,9 @@ class _Scene:
                 "num_radar_pts": 0,
                 "prev": "",
                 "next": "",
-                OWN: {"type": str(o.names[i]), "visibility": round(float(o.visibility[i]), 4)},
             }
+            share = round(float(o.visibility[i]), 4)
+            self.add[OWN]({"token": row["token"], "type": str(o.names[i]), "visibility": share})
             self.chain(number, row)
             self.count(number, row, category)
 

@@ -31,7 +31,7 @@ INTENSITY_MAX = 255.0
 # Visible share of each level: within 0-40, and the middle of 40-60, 60-80 and 80-100 %. Level 1 is
 # below the share from which an object counts as visible, because most of it is hidden.
 VISIBILITY = {"1": 0.1, "2": 0.5, "3": 0.7, "4": 0.9}
-OWN = "infrasim"  # key of annotations in exports of this package (nuscenes.py)
+OWN = "infrasim"  # further table of the exports of this package (nuscenes.py)
 STILL_M = 0.5  # largest distance between the positions of a LiDAR that does not move
 NEEDED = (
     *("sample", "sample_data", "calibrated_sensor", "sensor", "ego_pose"),
@@ -99,6 +99,8 @@ class Tables:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.tables = {name: self._read(name) for name in NEEDED}
+        # type and exact visibility of annotations, in exports of this package
+        self.own = self._read(OWN) if self._file(OWN).is_file() else {}
         self.instances = {token: i for i, token in enumerate(self.tables["instance"])}
 
     def rows(self, table: str) -> list[Row]:
@@ -289,10 +291,10 @@ def _boxes(tables: Tables, rows: list[Row], pose: Pose) -> Boxes:
         boxes.append([*centre, length, width, height, np.arctan2(ahead[1], ahead[0])])
         ids.append(tables.instances[str(instance["token"])])
         visibility.append(VISIBILITY.get(str(row.get("visibility_token")), 1.0))
-        own = row.get(OWN)  # exact values, in the exports of this package
-        if isinstance(own, dict):
+        if own := tables.own.get(str(row["token"])):
             names[-1] = str(own.get("type", names[-1]))
-            visibility[-1] = _share(location, own.get("visibility", visibility[-1]))
+            where = f"{tables.folder / OWN}.json: row '{row['token']}'"
+            visibility[-1] = _share(where, own.get("visibility", visibility[-1]))
     return Boxes(
         np.array(names, dtype=np.str_),
         np.array(boxes, dtype=np.float64).reshape(-1, 7),

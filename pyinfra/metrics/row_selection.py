@@ -105,13 +105,15 @@ def first_seed(rows: pd.DataFrame) -> pd.DataFrame:
     """
     if rows.empty:
         return rows
+    every, rows = rows, rows.reset_index(drop=True)  # tables that were joined repeat their index
     seed = pd.to_numeric(rows.seed)
     own = seed.groupby([rows[name] for name in EXPERIMENT], dropna=False).transform("min")
     first = pd.Series(np.nan, index=rows.index)
     for _, part in rows.groupby(["scene", "preset"], dropna=False):
         first[part.index] = common_seeds(part)[0]
     has_first = (seed == first).groupby([rows[name] for name in EXPERIMENT], dropna=False)
-    return rows[seed == first.where(has_first.transform("any"), own)]
+    chosen = seed == first.where(has_first.transform("any"), own)
+    return every[chosen.to_numpy()]
 
 
 def first_stress(rows: pd.DataFrame) -> pd.DataFrame:

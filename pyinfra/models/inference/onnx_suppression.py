@@ -23,7 +23,7 @@ def remaining(boxes: Tensor, scores: Tensor, classes: Tensor, min_score: float) 
     boxes: (k, 7). scores, classes: (k,). Boxes below min_score are left out.
     """
     good = torch.nonzero(scores >= min_score).flatten()
-    order = good[torch.argsort(scores[good], descending=True, stable=True)]
+    order = good[torch.argsort(scores[good], descending=True)]
     boxes, classes = boxes[order], classes[order]
     radius = boxes[:, 3:5].square().sum(dim=1).sqrt() / 2
     apart = boxes[:, None, :2] - boxes[None, :, :2]
