@@ -36,7 +36,7 @@ def remaining(boxes: Tensor, scores: Tensor, classes: Tensor, min_score: float) 
     above = torch.zeros_like(near, dtype=boxes.dtype).index_put((later, better), overlap)
     kept = torch.ones_like(radius)
     for _ in range(STEPS):
-        kept = (above @ kept < 0.5).to(boxes.dtype)
+        kept = ((above * kept[None, :]).sum(dim=1) < 0.5).to(boxes.dtype)
     return order[torch.nonzero(kept > 0.5).flatten()]
 
 
@@ -52,24 +52,25 @@ def overlaps(a: Tensor, b: Tensor) -> Tensor:
     return common / (areas - common).clamp(min=FLAT)
 
 
-def _turn(boxes: Tensor) -> Tensor:
-    """Returns the rotations (m, 2, 2) from boxes to the ground."""
-    cos, sin = boxes[:, 6].cos(), boxes[:, 6].sin()
-    return torch.stack([torch.stack([cos, -sin], dim=1), torch.stack([sin, cos], dim=1)], dim=1)
+def _turned(xy: Tensor, headings: Tensor) -> Tensor:
+    """Returns points (m, 4, 2) that are turned by headings (m,)."""
+    cos, sin = headings.cos()[:, None], headings.sin()[:, None]
+    x, y = xy[..., 0], xy[..., 1]
+    return torch.stack([cos * x - sin * y, sin * x + cos * y], dim=2)
 
 
 def _corners(boxes: Tensor, centres: Tensor) -> Tensor:
     """Returns the corners (m, 4, 2) of boxes at other centres (m, 2), counterclockwise."""
     signs = torch.tensor([[1.0, 1], [-1, 1], [-1, -1], [1, -1]], dtype=boxes.dtype)
     corners = signs[None] * boxes[:, None, 3:5] / 2
-    return corners @ _turn(boxes).transpose(1, 2) + centres[:, None]
+    return _turned(corners, boxes[:, 6]) + centres[:, None]
 
 
 def _inside(corners: Tensor, boxes: Tensor, centres: Tensor) -> Tensor:
     """Returns the area (m,) below the parts of the edges between corners inside boxes."""
     start, edge = corners, torch.cat([corners[:, 1:], corners[:, :1]], dim=1) - corners
-    turn = _turn(boxes)
-    at, along = (start - centres[:, None]) @ turn, edge @ turn
+    at = _turned(start - centres[:, None], -boxes[:, 6])
+    along = _turned(edge, -boxes[:, 6])
     along = torch.where(along.abs() < FLAT, torch.full_like(along, FLAT), along)
     half = boxes[:, None, 3:5] / 2
     one, two = (-half - at) / along, (half - at) / along
