@@ -26,7 +26,7 @@ from pyinfra.exchange import ros_messages as ros
 from pyinfra.exchange.data_set import levelled
 from pyinfra.exchange.nuscenes_tables import angles_of
 from pyinfra.exchange.pcd import FIRST
-from pyinfra.exchange.point_fields import PointFields, intensity_field, map_offset, offset_note
+from pyinfra.exchange.point_fields import PointFields, cloud_notes, map_offset
 from pyinfra.exchange.record_clouds import points_of
 from pyinfra.exchange.recording import NO_BOXES, Options, RecordedFrame, Recording
 from pyinfra.formats.kitti import WorldPose
@@ -150,11 +150,7 @@ class Bag:
         return map_offset(self._first)
 
     def _field_notes(self) -> list[str]:
-        notes = list(self.fields.notes)
-        if self.offset.any():
-            notes.append(offset_note(self.offset))
-        if any(intensity_field(records) is None for records in self._first):
-            notes.append("clouds without an intensity: intensities are set to 0")
+        notes = cloud_notes(self.fields, self.offset, self._first)
         others = [
             name for name, (kind, _) in self.contents.topics.items() if self._unread(name, kind)
         ]

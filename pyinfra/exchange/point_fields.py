@@ -165,6 +165,16 @@ def offset_note(offset: FloatArray) -> str:
     )
 
 
+def cloud_notes(fields: PointFields, offset: FloatArray, samples: Iterable[Records]) -> list[str]:
+    """Describes the assumptions about offset, intensity and point times of a recording."""
+    notes = list(fields.notes)
+    if offset.any():
+        notes.append(offset_note(offset))
+    if any(intensity_field(records) is None for records in samples):
+        notes.append("clouds without an intensity: intensities are set to 0")
+    return notes
+
+
 def is_valid(values: AnyArray, *, absolute: bool) -> AnyArray:
     """Returns (n,) whether times are finite. An absolute time of 0 means a ray without a return."""
     finite = np.isfinite(values)

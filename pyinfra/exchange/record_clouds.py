@@ -15,10 +15,10 @@ from pyinfra.exchange.pcd import FIRST, readable
 from pyinfra.exchange.point_fields import (
     TIMES,
     PointFields,
+    cloud_notes,
     intensity_field,
     map_offset,
     named_fields,
-    offset_note,
 )
 from pyinfra.exchange.recording import (
     NO_BOXES,
@@ -68,12 +68,7 @@ class RecordClouds:
 
     def notes(self) -> list[str]:
         """Describes the assumptions about offset, intensity and point times."""
-        notes = list(self.fields.notes)
-        if self.offset.any():
-            notes.append(offset_note(self.offset))
-        if any(intensity_field(records) is None for records in self._first):
-            notes.append("clouds without an intensity: intensities are set to 0")
-        return notes
+        return cloud_notes(self.fields, self.offset, self._first)
 
 
 def read_clouds(
