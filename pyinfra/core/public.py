@@ -20,6 +20,12 @@ MENDABLE = {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.EACCE
 class PathError(Error, OSError):
     """The path in an argument is missing, of the wrong kind, not accessible, or exists already."""
 
+    def __new__(cls, *args: object) -> PathError:
+        """Makes the error without __init__, as Dask does; Error's own is for another layout."""
+        made = OSError.__new__(cls, *args)
+        made.args = args
+        return made
+
 
 def public(**ranges: Range) -> Callable[[F], F]:
     """Returns a decorator that checks arguments, and names the argument of a wrong path.

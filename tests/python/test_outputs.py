@@ -215,5 +215,6 @@ def test_own_errors_survive_the_way_between_processes() -> None:
         assert type(again) is kind
         assert (again.args, str(again)) == (error.args, str(error))
         assert vars(again) == vars(error)
+        assert kind.__new__(kind, "a").args == ("a",)  # Dask makes them so
     failed = pickle.loads(pickle.dumps(SimulatorError("full", 2)))
     assert (str(failed), failed.exit_code) == ("full", 2)
