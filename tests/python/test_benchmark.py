@@ -281,7 +281,10 @@ def test_a_training_that_went_on_has_the_seconds_of_all_its_steps(
     assert measure.trained(experiment, recipe, tmp_path, tmp_path, "cpu") == 4.0
 
 
-@pytest.mark.parametrize("backend", pool.BACKENDS)
+@pytest.mark.parametrize(
+    "backend",
+    [pytest.param(b, marks=pytest.mark.nightly if b == "ray" else []) for b in pool.BACKENDS],
+)
 def test_the_tasks_of_a_killed_worker_are_done_by_others(
     backend: pool.Backend, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -319,6 +322,7 @@ def test_gpus_are_named_as_the_process_sees_them(monkeypatch: pytest.MonkeyPatch
     assert gpus.visible() == ["0", "1"]
 
 
+@pytest.mark.nightly
 def test_ray_gives_each_worker_a_gpu_of_its_own_and_listens_to_this_machine_alone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -371,8 +375,9 @@ def test_a_task_that_always_kills_its_worker_is_lost_alone(tmp_path: Path) -> No
 
 
 # starts two clusters, which takes 300 s beside a training and other tests
+@pytest.mark.nightly
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("backend", [pytest.param("ray", marks=pytest.mark.nightly), "dask"])
+@pytest.mark.parametrize("backend", ["ray", "dask"])
 def test_a_cluster_gives_the_same_rows(
     backend: str, results: Path, config: Path, tmp_path: Path
 ) -> None:

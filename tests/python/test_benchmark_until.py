@@ -111,6 +111,7 @@ def test_other_traffic_changes_the_seed_and_the_digest(config: Path) -> None:
     assert not set(inputs.digests(plan).inputs) & set(inputs.digests(other).inputs)
 
 
+@pytest.mark.nightly
 def test_replicates_of_the_command_have_traffic_of_their_own(
     config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -84,7 +84,18 @@ GIVEN = {
     "own_site": make_map,
     "plan": make_map,
 }
-LONG_PAGES = ("cluster",)  # start clusters, which takes long and seldom fails
+# Their commands take 10 to 60 s and seldom fail, so only `make nightly` runs them.
+LONG_PAGES = (
+    "cluster",
+    "generalist",
+    "generated_sites",
+    "own_recording",
+    "own_site",
+    "plan",
+    "points",
+    "several_poles",
+    "tutorial",
+)
 LEAST_AP = {"own_detector": ("out/blocks_ap/ap.csv", 20), "tutorial": ("out/background/ap.csv", 20)}
 
 

@@ -50,7 +50,11 @@ def saved(name: str, folder: Path, steps: int = 0) -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
-    [pytest.param("pointpillars", marks=pytest.mark.nightly), "centerpoint-pillar", "generalist"],
+    [
+        pytest.param("pointpillars", marks=pytest.mark.nightly),
+        pytest.param("centerpoint-pillar", marks=pytest.mark.nightly),
+        "generalist",
+    ],
 )
 def test_the_file_gives_the_boxes_of_the_network(name: str, tmp_path: Path) -> None:
     run, file = saved(name, tmp_path / "run", 60), tmp_path / "d.onnx"

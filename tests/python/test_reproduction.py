@@ -186,6 +186,7 @@ def test_wrong_frames_of_the_demo_are_one_line(
     assert line.startswith("python -m reproduction demo: infrasim run: ")
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_demo_writes_all_it_names_and_resumes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
