@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.dataset.frames_version import LEARNT, MAY_BE_BETTER, other_frames
+from pyinfra.dataset.windows import REGION_M
 from pyinfra.experiments.benchmark.replicates import ExperimentReplicates
 from pyinfra.experiments.coverage import ROAD, coverage
 from pyinfra.experiments.requirements import FRAME_MS, Requirements
@@ -33,7 +34,6 @@ from pyinfra.metrics.row_selection import (
 )
 
 UNKNOWN = Interval(math.nan, math.nan, math.nan)
-BUSY = 0.25  # cores of other processes from which a latency is that of a loaded machine
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,7 @@ class Option:
     covered_m: Interval  # covered road; the interval is unknown if `no_interval` gives a reason
     road_m: float  # road that was evaluated within the required range; NaN if unknown
     latency_ms: float  # median time per frame on one core; NaN if it was not measured
+    latency_low_ms: float  # low end of its interval; NaN in tables of earlier versions
     latency_p95_ms: float
     machine: str  # computer on which the latency was measured; empty if unknown
     other_cores: float  # cores that other processes used during that measurement; NaN if unknown
@@ -83,6 +84,8 @@ class Option:
     off_region_per_min: float = math.nan  # boxes outside the region, score 0.5 or more
     hardly_learnt: bool = False  # whether the detector is a network trained in the smoke tier
     per_seed: tuple[float, ...] = ()  # AP of all vehicles in each seed, if there are several
+    # AP of this option less that of another one, by name, in replicates (benchmark/until.py)
+    replicated: Mapping[str, Interval] = field(default_factory=dict)
     other_frames: str = ""  # remark if the detector learnt from frames of another number
 
     @property
@@ -91,17 +94,19 @@ class Option:
 
     @property
     def least_latency_ms(self) -> float:
-        """The latency without the time that other processes may have taken, if they were busy."""
-        taken = self.other_cores if self.other_cores > BUSY else 0.0
-        return self.latency_ms / (1 + taken)
+        """Low end of the interval of the latency, without the time that other processes took."""
+        return self.latency_low_ms if self.latency_low_ms >= 0 else self.latency_ms
 
     def less(self, other: Option) -> Interval:
         """Returns the paired difference of the AP of all vehicles, this option less the other.
 
-        With several seeds, this is Student's t interval of the differences of the seeds. Otherwise
+        If a benchmark compared the two in replicates, this is the result. With several seeds, it is
+        Student's t interval of the differences of the seeds. Otherwise
         the difference has no interval if one of the options has no bootstrap replicates. Raises
         Error for replicates of different blocks of time.
         """
+        if other.name in self.replicated:
+            return self.replicated[other.name]
         if len(self.per_seed) > 1:
             pairs = zip(self.per_seed, other.per_seed, strict=True)
             return over_replicates([a - b for a, b in pairs])
@@ -142,6 +147,7 @@ def options_of(
     by_name = [{o.name: o for o in options} for options in of_seeds]
     names = [name for name in by_name[0] if all(name in options for options in by_name)]
     options = [over_seeds([options[name] for options in by_name]) for name in names]
+    options = with_replicates(options, results.table("until"))
     return sorted(options, key=lambda o: (-np.nan_to_num(o.ap_whole.value), o.price_usd))
 
 
@@ -157,6 +163,26 @@ def over_seeds(options: Sequence[Option]) -> Option:
     }
     per_seed = tuple(option.ap_whole.value for option in options)
     return replace(first, per_seed=per_seed, no_interval="", **means)
+
+
+def with_replicates(options: Sequence[Option], until: pd.DataFrame) -> list[Option]:
+    """Returns options with the difference from another one in the replicates of `until`.
+
+    This is the difference of the AP of the whole region, so options of another range have none.
+    """
+    named, first = {f"{o.lidar} {o.detector}": o for o in options}, options[0]
+    rows = until[(until.scene == first.scene) & (until.preset == first.preset)]
+    for _, row in rows[rows.subset == first.whole].iterrows():
+        if first.range_m < REGION_M or not {row["first"], row["second"]} <= named.keys():
+            continue
+        one, two = named[row["first"]], named[row["second"]]
+        named[row["first"]] = replace(
+            one, replicated={two.name: Interval(row.difference, row.low, row.high)}
+        )
+        named[row["second"]] = replace(
+            two, replicated={one.name: Interval(-row.difference, -row.high, -row.low)}
+        )
+    return list(named.values())
 
 
 def _of_seed(
@@ -320,6 +346,7 @@ def option(row: pd.Series, replicates: ExperimentReplicates) -> Option:
         covered_m=Interval(row.covered_m, row.low_m, row.high_m),
         road_m=row.road_m,
         latency_ms=row.latency_p50_ms,
+        latency_low_ms=row.latency_low_ms,
         latency_p95_ms=row.latency_p95_ms,
         frame_ms=row.frame_ms,
         machine=str(row.get("latency_machine", "")),

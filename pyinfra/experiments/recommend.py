@@ -143,11 +143,23 @@ def general_notes(options: Sequence[Option], requirements: Requirements) -> Iter
     if unknown:
         why = f"{FEW_BLOCKS}, or the table has no intervals"
         yield f"No interval is available for the AP of {names(unknown)}: {why}."
+    yield from replicates_note(options)
     yield from pretrained_note(options)
     yield from (f"{text}." for text in dict.fromkeys(o.other_frames for o in options) if text)
     yield from cost_notes(options[0])
     yield from price_notes(options)
     yield latency_note(options)
+
+
+def replicates_note(options: Iterable[Option]) -> Iterator[str]:
+    """Yields a remark on the two options that a benchmark compared in replicates."""
+    for option in options:
+        for other, difference in option.replicated.items():
+            if difference.value >= 0:
+                yield (
+                    f"In replicates with other traffic, the AP of {option.name} "
+                    f"less that of {other} is {with_interval(difference)}."
+                )
 
 
 def pretrained_note(options: Sequence[Option]) -> Iterator[str]:

@@ -97,7 +97,7 @@ KINDS = {
         "ap ap_low ap_high ap_common ap_all objects train_seconds latency_p50_ms latency_p95_ms",
         _EXPERIMENT,
         f"{' '.join(AP_COLUMNS)} objects_all objects_present {OFF_REGION} train_steps "
-        "latency_other_cores latency_frames latency_threads",
+        "latency_low_ms latency_high_ms latency_other_cores latency_frames latency_threads",
     ),
     "replicates": kind(
         "{tier}_replicates.csv",
@@ -154,6 +154,14 @@ KINDS = {
         "units price_low_usd price_high_usd",
         "lidar preset",
         "period_s",
+    ),
+    "until": kind(
+        "{tier}_until.csv",
+        "scene preset first second subset",
+        "replicates difference low high half_width",
+        "scene preset",
+        difference=FINITE,
+        half_width=_ANY,
     ),
     "stress": kind(
         "stress.csv",

@@ -13,7 +13,9 @@ from benchmark_data import PRICES, experiments, replicates_of, values
 
 import pyinfra as pi
 from pyinfra.cli import main
+from pyinfra.core.machine_load import OtherLoad
 from pyinfra.experiments.benchmark import measure
+from pyinfra.experiments.benchmark.measure import latency_columns
 from pyinfra.experiments.recommend import pretrained_note
 from pyinfra.experiments.requirements import unlike
 from pyinfra.experiments.result_tables import AS_THEY_COME, hardly_learnt
@@ -787,8 +789,40 @@ def test_a_latency_of_a_loaded_machine_leaves_no_lidar_out(
         "Left out: " in line and "pv-rcnn" in line and "150 ms" in line
         for line in output_lines(capsys, results, *words)
     )
-    change(results / "quick.csv", "detector == 'pv-rcnn'", latency_other_cores=1.5)
+    change(
+        results / "quick.csv",
+        "detector == 'pv-rcnn'",
+        latency_other_cores=1.5,
+        latency_low_ms=95.0,
+        latency_high_ms=160.0,
+    )
     lines = output_lines(capsys, results, *words)
     assert not any("Left out: " in line and "150 ms" in line for line in lines)
     (note,) = [line for line in lines if "measured while other processes used 1.5 cores" in line]
     assert note.endswith("Measure the latency again on an idle machine.")
+
+
+def test_replicates_decide_between_the_two_options_that_they_compared(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = pi.recommend(results, min_ap=2)
+    first, second = (f"{row.lidar} {row.detector}" for row in before[:2].itertuples())
+    row = {"scene": before.scene[0], "preset": before.preset[0], "first": second, "second": first}
+    row |= {"subset": before.ground_truth[0], "replicates": 5, "half_width": 0.5}
+    until = pd.DataFrame([row | {"difference": -3.0, "low": -3.5, "high": -2.5}])
+    until.to_csv(results / "quick_until.csv", index=False)
+    after = pi.recommend(results, min_ap=2)
+    ends = ["difference", "difference_low", "difference_high"]
+    assert after[ends].values.tolist()[1] == [3.0, 2.5, 3.5]
+    pd.testing.assert_frame_equal(after[ends][2:], before[ends][2:])
+    lines = output_lines(capsys, results, "--budget", 9000, "--min-ap", 75)
+    assert any(line.endswith(" is 3.0 [2.5, 3.5].") and "replicates" in line for line in lines)
+
+
+def test_the_interval_of_a_latency_leaves_out_the_time_of_other_processes() -> None:
+    times = np.arange(1.0, 101.0)
+    columns = latency_columns(times, times / 2, OtherLoad(1.5))
+    assert (columns["latency_low_ms"], columns["latency_high_ms"]) == (20, 61)
+    assert columns["latency_p50_ms"] == 50.5
+    alone = latency_columns(times[:2], times[:2], OtherLoad(0.0))
+    assert (alone["latency_low_ms"], alone["latency_high_ms"]) == (1, 2)

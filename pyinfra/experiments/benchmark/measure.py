@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
@@ -23,6 +24,7 @@ from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import read_csv
 from pyinfra.metrics.evaluate import evaluated
 from pyinfra.metrics.evaluation_result import Evaluation
+from pyinfra.metrics.intervals import LEVEL
 from pyinfra.metrics.row_selection import AP_COLUMNS, AP_ENDS, AP_OF, OFF_REGION
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
@@ -35,8 +37,10 @@ Tables = dict[str, pd.DataFrame]
 SETTINGS = Settings(ground_truths=SUBSETS)
 TIMED_FRAMES = 100
 OFF_REGION_SCORE = 0.5
+BUSY = 0.25  # cores of other processes from which a process may wait for a core
 LATENCY = tuple(
-    f"latency_{w}" for w in "p50_ms p95_ms other_cores frames threads version machine".split()
+    f"latency_{w}"
+    for w in "p50_ms p95_ms low_ms high_ms other_cores frames threads version machine".split()
 )
 MEASURED = (
     *AP_COLUMNS,
@@ -120,9 +124,16 @@ def timed_alone(
     files = [kitti.frame_file(folder, "velodyne", k) for k in chosen]
     detector = detect.detector_at(run, folder, device=device)
     detect.detect(detector, files[:5], None)  # the first calls are slower
+    times = []
     with other_load() as load:
-        times = detect.detect(detector, files, None)[1]
-    return latency_columns(times, load, computer(run, device)), load
+        for file in files:
+            points, started = kitti.read_points(file), time.process_time()
+            _, seconds = detect.timed(detector, points)
+            times.append((seconds, time.process_time() - started))
+    wall, cpu = 1000 * np.array(times).T
+    waits = load.cores > BUSY and not device.startswith("cuda")
+    columns = latency_columns(wall, np.minimum(cpu, wall) if waits else wall, load)
+    return {**columns, "latency_machine": computer(run, device)}, load
 
 
 def computer(run: Path, device: str) -> str:
@@ -134,16 +145,23 @@ def computer(run: Path, device: str) -> str:
     return f"{machine()} with {torch.cuda.get_device_name(device)}"
 
 
-def latency_columns(times: FloatArray, load: OtherLoad, computer: str) -> dict[str, object]:
+def latency_columns(times: FloatArray, least: FloatArray, load: OtherLoad) -> dict[str, object]:
+    """Returns the columns of a latency. The interval of the median is that of order statistics.
+
+    times: milliseconds of each frame. least: of these, the part that a frame takes on a machine
+    without other processes, for the low end.
+    """
     p50, p95 = np.percentile(times, (50, 95))
+    low, high = (int(rank) for rank in stats.binom.interval(LEVEL, len(times), 0.5))
     return {
         "latency_p50_ms": round(p50, 2),
         "latency_p95_ms": round(p95, 2),
+        "latency_low_ms": round(np.sort(least)[max(low - 1, 0)], 2),
+        "latency_high_ms": round(np.sort(times)[min(high, len(times) - 1)], 2),
         "latency_other_cores": round(load.cores, 2),
         "latency_frames": len(times),
         "latency_threads": 1,
         "latency_version": __version__,
-        "latency_machine": computer,
     }
 
 

@@ -37,13 +37,15 @@ OPSET = 18  # the first version of the ONNX operators whose scatter operation ha
 class Graph(nn.Module):
     """A dense detector for one frame, whose tensor shapes do not depend on point positions."""
 
-    def __init__(self, network: PointPillars | CenterPointPillar) -> None:
+    def __init__(self, network: PointPillars | CenterPointPillar, *, suppress: bool = True) -> None:
         super().__init__()
-        self.network = network
+        self.network, self.suppress = network, suppress
 
     def forward(self, points: Tensor) -> tuple[Tensor, ...]:
         canvas = whole_canvas(self.network.encoder, points)
         ((boxes, scores, *numbers),) = self.network.head.candidates(self.network.bev(canvas))
+        if not self.suppress:
+            return boxes, scores, *numbers
         classes = numbers[0] if numbers else torch.zeros_like(scores, dtype=torch.int64)
         kept = remaining(boxes, scores, classes, self.network.min_score)
         return tuple(column[kept] for column in (boxes, scores, *numbers))
@@ -59,8 +61,10 @@ def whole_canvas(encoder: PillarEncoder, points: Tensor) -> Tensor:
     return features_of_cells.view(1, encoder.rows, encoder.columns, -1).permute(0, 3, 1, 2)
 
 
-def export(run: Path, file: Path) -> None:
+def export(run: Path, file: Path, *, suppress: bool = True) -> None:
     """Writes a trained detector as an ONNX file.
+
+    suppress: whether the graph ends with the suppression; without it, boxes overlap.
 
     Raises Error for a detector that is not dense or that needs stacked frames, and if `file` is
     another file than a model. Raises ImportError
@@ -82,7 +86,7 @@ def export(run: Path, file: Path) -> None:
     with warnings.catch_warnings():  # the exporter's own packages cause warnings
         warnings.simplefilter("ignore")
         program = torch.onnx.export(
-            Graph(network).eval(),
+            Graph(network, suppress=suppress).eval(),
             (points,),
             input_names=["points"],
             output_names=["boxes", "scores", *["classes"] * (len(network.classes) > 1)],
