@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TextIO
@@ -12,12 +13,14 @@ from typing import TextIO
 import numpy as np
 
 from pyinfra.cli.messages import warn
-from pyinfra.core.errors import Error
+from pyinfra.core.arrays import Points
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.machine_load import OtherLoad, other_load
 from pyinfra.core.names import suggestion
 from pyinfra.dataset.frames import lidar_folder
 from pyinfra.dataset.health import health_text, recorded_health
 from pyinfra.exchange.lone_clouds import cloud_reader
+from pyinfra.formats import kitti
 from pyinfra.models.inference.detect import (
     PERCENTILES,
     accumulation_of,
@@ -36,6 +39,7 @@ from pyinfra.models.inference.folder import (
     learnt_warning,
     others_warning,
     place,
+    readable_clouds,
     region_warning,
     warn_of_height,
 )
@@ -124,6 +128,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "preferably a minute of frames or more",
     )
     parser.add_argument(
+        "--skip-bad",
+        action="store_true",
+        help="leave out and count clouds that cannot be read; default: such a cloud is an error",
+    )
+    parser.add_argument(
         "--follow",
         action="store_true",
         help="wait for clouds in the folder DATA, which grows, and print a JSON line of tracks for "
@@ -164,8 +173,14 @@ def run(args: argparse.Namespace) -> int:
     _check(args)
     model = model_file(args.model, args.checkpoint)
     is_folder = args.inputs[0].is_dir()
-    with other_load() as load:
-        detections = _in_folder(args, model) if is_folder else _in_clouds(args, model)
+    try:
+        with other_load() as load:
+            detections = _in_folder(args, model) if is_folder else _in_clouds(args, model)
+    except FormatError as error:
+        text = str(error)
+        if not args.skip_bad and text.startswith(tuple(f"{path}" for path in args.inputs)):
+            text += "; `skip_bad` leaves out clouds that cannot be read"
+        raise FormatError(text) from error
     if args.out is None:
         _print_boxes(detections)
     elif text := others_warning(args.out, detections.files):
@@ -190,7 +205,14 @@ def _follow(args: argparse.Namespace) -> int:
     detector = detector_at_place(model, site, args.device, checked_threads(args.threads))
 
     def read(file: Path) -> tuple[float, Boxes]:
-        detections = detector.predict(cloud_reader([file])[0](file))
+        try:
+            points = cloud_reader([file])[0](file)
+        except FormatError as error:
+            if not args.skip_bad:
+                raise FormatError(f"{error}; `skip_bad` leaves out clouds like this") from None
+            warn(f"left out a cloud that cannot be read: {error}", args)
+            points = np.empty((0, 4), dtype=np.float32)
+        detections = detector.predict(points)
         boxes = boxes_of_detections(detections.boxes, detections.scores, detections.names)
         return time_of(file, args.period_s), boxes
 
@@ -243,6 +265,8 @@ def _folder_of(folder: Path) -> Path:
 def _in_folder(args: argparse.Namespace, model: Path) -> FolderDetections:
     (data,) = args.inputs
     files = frame_files(data, args.split, args.max_frames, args.frames)
+    if args.skip_bad:
+        files = _without_bad(args, files, kitti.read_points)
     site = place(data, args.height_m, args.region)
     if text := region_warning(model, site):
         command = shlex.join(["pyinfra", "region", str(data), "--out", "outline.yaml"])
@@ -259,6 +283,7 @@ def _in_folder(args: argparse.Namespace, model: Path) -> FolderDetections:
         "drop_standing": args.drop_standing,
         "device": args.device,
         "threads": checked_threads(args.threads),
+        "skip_bad": args.skip_bad,
     }
     progress = partial(warn, args=args)
     result = detect_folder(model, data, args.out, files=files, where=site, warn=progress, **how)
@@ -276,9 +301,21 @@ def _in_clouds(args: argparse.Namespace, model: Path) -> FolderDetections:
     read, notes = cloud_reader(args.inputs)
     for note in notes:
         warn(note, args)
+    if args.skip_bad:
+        args.inputs = _without_bad(args, args.inputs, read)
     warn_of_height(args.inputs, read, site, partial(warn, args=args))
     found = detect(detector, args.inputs, args.out, read=read)
     return FolderDetections(args.inputs, *found, inputs=inputs_used(model, range(len(found[0]))))
+
+
+def _without_bad(
+    args: argparse.Namespace, clouds: Sequence[Path], read: Callable[[Path], Points]
+) -> list[Path]:
+    """Returns the clouds that can be read, and warns of the others."""
+    good, bad = readable_clouds(clouds, read)
+    if bad:
+        warn(f"left out {len(bad)} clouds that cannot be read, such as {bad[0]}", args)
+    return good
 
 
 def _print_summary(result: FolderDetections, threads: int, load: OtherLoad, to: TextIO) -> None:

@@ -17,3 +17,5 @@ Records = npt.NDArray[np.void]  # (n,) structured array
 
 Floats = npt.NDArray[np.floating]  # float32 for large arrays such as clouds, else float64
 AnyArray = npt.NDArray[Any]
+# Decorates functions that read numbers of files, such as signalling NaN, and check them afterwards.
+unchecked = np.errstate(invalid="ignore", over="ignore")

@@ -72,7 +72,7 @@ class Bag:
         with _errors(source):
             self._reader: Any = AnyReader(self.paths, default_typestore=store)
             self._reader.open()
-            weakref.finalize(self, self._reader.close)
+            weakref.finalize(self, _close, self._reader)
             self.is_ros2 = self._reader.is2
             self.topic, self.kind, self.contents = _scan(source, self._reader, options.channel)
         self.ids: dict[str, int] = {}
@@ -300,6 +300,12 @@ def _message(reader: Any, raw: bytes, kind: str) -> Any:
         return reader.deserialize(raw, kind)
     store = get_typestore(Stores.ROS2_HUMBLE)
     return store.deserialize_cdr(raw, kind) if reader.is2 else store.deserialize_ros1(raw, kind)
+
+
+def _close(reader: Any) -> None:
+    """Closes a bag. SQLite cannot close some damaged files while a query is unfinished."""
+    with contextlib.suppress(Exception):
+        reader.close()
 
 
 @contextlib.contextmanager

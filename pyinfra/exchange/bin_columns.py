@@ -8,17 +8,19 @@ right number of columns explains most of the variance. An intensity is never neg
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from pyinfra.core.arrays import FloatArray
+from pyinfra.core.arrays import FloatArray, unchecked
 from pyinfra.exchange.recording import Options
 
 USUAL = 4
 TRIED = (4, 5, 6, 3)  # possible numbers of columns
 FILES = 30  # maximum number of files whose values are read, evenly distributed
+MOST_FILES = 0.9  # share of the files that must fit; others are cut
 VALUES = 60 * 1000  # number of values read per file, a multiple of all numbers in TRIED
 MOST = 1e7  # largest plausible coordinate: 10 km in millimetres
 # Two numbers of columns are distinguished if their shares of explained variance differ by more than
@@ -28,6 +30,7 @@ FEWER = 2.0
 FEW = 200  # with fewer values than this, no minimum of the explained variance is required
 
 
+@unchecked
 def columns_of(files: Sequence[Path], options: Options, usual: int = USUAL) -> tuple[int, str]:
     """Returns the number of float32 values per point in .bin files, and a note on the assumption.
 
@@ -43,10 +46,17 @@ def columns_of(files: Sequence[Path], options: Options, usual: int = USUAL) -> t
         )
         return options.columns, note
     sizes = [file.stat().st_size for file in files]
-    fit = [n for n in TRIED if all(size % (4 * n) == 0 for size in sizes)]
-    if not any(sizes) or fit == [usual]:
+    counts = {n: sum(size % (4 * n) == 0 for size in sizes) for n in TRIED}
+    most = max(counts.values())  # less than all files if some are cut
+    fit = [n for n in TRIED if counts[n] == most and most >= MOST_FILES * len(files)]
+    if not any(sizes) or fit == [usual] or not fit:
         return usual, ""
-    chosen = [file for file, size in zip(files, sizes, strict=True) if size > 0]
+    least = 4 * math.lcm(*fit)
+    chosen = [
+        file for file, size in zip(files, sizes, strict=True) if size > 0 and size % least == 0
+    ]
+    if not chosen:
+        return usual, ""
     step = -(-len(chosen) // FILES)
     values = [np.fromfile(file, dtype="<f4", count=VALUES) for file in chosen[::step]]
     columns = _chosen(np.concatenate(values).astype(np.float64), fit, usual)

@@ -7,42 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.dataset.frames import PERIOD_S as USUAL_S
+from pyinfra.exchange.name_times import EARLIEST_S, LATEST_S, REGULAR, times_in
 from pyinfra.exchange.recording import Recording
 from pyinfra.formats.kitti.lidar import PERIOD_S
 
-# Units in seconds, by the number of digits. FRACTIONS is for the digits after `_`, which follow
-# ten digits of whole seconds. WHOLE is for a time without `_` and without a decimal point.
-FRACTIONS = {3: 1e-3, 6: 1e-6, 9: 1e-9}
-WHOLE = {10: 1.0, 13: 1e-3, 16: 1e-6, 19: 1e-9}
-EARLIEST_S, LATEST_S = 1e8, 1e11  # plausible seconds since 1970
-REGULAR = (0.5, 1.5)  # range of regular steps, relative to the median step
+STAMP_UNITS_S = (1.0, 1e-3, 1e-6, 1e-9)
 MOST_NUMBER = 999_999
-
-
-def seconds_of(name: str) -> float | None:
-    """Returns the time in a file's name in seconds since 1970, or None if there is no time in it.
-
-    The name must begin with a time such as 1651673050.454284, 1651673050_454284855 or
-    1651673050454. A prefix without digits is allowed before the time. A frame number with many
-    zeros before it, such as 0000000007 in KITTI's raw data, is no time.
-    """
-    seconds = _seconds_in(name)
-    return seconds if seconds is not None and EARLIEST_S < seconds < LATEST_S else None
-
-
-def _seconds_in(name: str) -> float | None:
-    match = re.match(r"\D*(\d{10})(?:\.(\d+)|_(\d+))?(?!\d)", name)
-    if match:
-        seconds, decimals, digits = match.groups()
-        if digits is not None:
-            unit = FRACTIONS.get(len(digits))
-            return None if unit is None else int(seconds) + int(digits) * unit
-        return float(f"{seconds}.{decimals or 0}")
-    match = re.match(r"\D*(\d{13,19})(?!\d)", name)
-    unit = WHOLE.get(len(match[1])) if match else None
-    return int(match[1]) * unit if match and unit else None
+MOST_UNKNOWN = 0.1  # share of frames whose unknown times are interpolated
 
 
 def seconds_of_stamp(value: float) -> float | None:
@@ -50,7 +23,7 @@ def seconds_of_stamp(value: float) -> float | None:
 
     Returns None if no unit gives a plausible time.
     """
-    for unit in WHOLE.values():
+    for unit in STAMP_UNITS_S:
         if EARLIEST_S < value * unit < LATEST_S:
             return value * unit
     return None
@@ -119,15 +92,24 @@ def _times(recording: Recording) -> tuple[FloatArray | None, list[str]]:
     times, notes = recording.times() if recording.times is not None else None, []
     if times is not None and not (has_time := np.isfinite(times)).all():
         first = recording.names[int(has_time.argmin())]
+        few = bool((~has_time).mean() <= MOST_UNKNOWN)
         notes.append(
-            f"{int((~has_time).sum())} of {len(times)} frames, such as {first}, have no time: the "
-            "times of the other frames are not used"
+            f"{int((~has_time).sum())} of {len(times)} frames, such as {first}, have no time: "
+            + ("it is interpolated" if few else "the times of the other frames are not used")
         )
-        times = None
-    if times is None:
-        named = [seconds_of(name) for name in recording.names]
-        times = None if None in named else np.array(named, dtype=np.float64)
-    return times, notes
+        times = _interpolated(times, has_time) if few else None
+    return times_in(recording.names) if times is None else times, notes
+
+
+def _interpolated(times: FloatArray, has_time: BoolArray) -> FloatArray:
+    """Returns the times (n,), where unknown ones lie between those of the frames around them."""
+    known = np.flatnonzero(has_time)
+    usual = float(np.median(np.diff(times[known])))
+    first, last = known[0], known[-1]
+    at = np.arange(len(times))
+    inside = np.interp(at, known, times[known])
+    beyond = np.minimum(at - first, 0) + np.maximum(at - last, 0)
+    return np.asarray(inside + beyond * usual, dtype=np.float64)
 
 
 def _regular(steps: FloatArray) -> bool:

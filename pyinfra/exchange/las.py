@@ -8,7 +8,7 @@ from pathlib import Path
 import laspy
 import numpy as np
 
-from pyinfra.core.arrays import Records
+from pyinfra.core.arrays import Records, unchecked
 from pyinfra.core.errors import FormatError
 from pyinfra.exchange.record_clouds import read_clouds
 from pyinfra.exchange.recording import Options, Recording
@@ -27,6 +27,7 @@ def read(source: Path, options: Options) -> Recording:
     return read_clouds(source, [".las", ".laz"], read_las, options)
 
 
+@unchecked
 def read_las(file: Path) -> Records:
     """Reads a file into records (n,) with x, y, z and those of FIELDS that it has.
 

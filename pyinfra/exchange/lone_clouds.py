@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from pyinfra.exchange.recording import Options, read_bin
 from pyinfra.exchange.units import usual_intensity_max
 from pyinfra.formats import kitti, pcd_file
 
+NONE = np.empty(0, dtype=np.float32)
 CHECKED = 5  # number of .pcd clouds in which the highest intensity is searched
 
 
@@ -58,6 +60,7 @@ def _points(file: Path, options: Options) -> Points:
 
 
 def _brightest(file: Path) -> float:
-    """Returns the highest finite intensity of a .pcd file, or 0."""
-    shares = _points(file, Options(intensity_max=WIDE.intensity_max))[:, 3]
+    """Returns the highest finite intensity of a .pcd file, or 0; also 0 if it cannot be read."""
+    read = partial(_points, options=Options(intensity_max=WIDE.intensity_max))
+    shares = np.concatenate([points[:, 3] for points in pcd.readable(read, [file])] or [NONE])
     return float(shares[np.isfinite(shares)].max(initial=0)) * (WIDE.intensity_max or 1)

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from pyinfra.core.arrays import AnyArray, FloatArray, Points, Records
+from pyinfra.core.arrays import AnyArray, FloatArray, Points, Records, unchecked
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset.frame_readers import read_cameras
 from pyinfra.exchange.box_text import read_boxes, write_boxes
@@ -216,6 +216,7 @@ def _records(points: Points, fields: Records | None) -> Records:
     return out
 
 
+@unchecked
 def points_of(
     file: Path,
     records: Records,

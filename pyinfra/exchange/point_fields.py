@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from pyinfra.core.arrays import AnyArray, FloatArray, Records
+from pyinfra.core.arrays import AnyArray, FloatArray, Records, unchecked
 from pyinfra.core.errors import FormatError
 from pyinfra.formats import kitti
 
@@ -55,6 +55,7 @@ class PointTimes:
     is_absolute: bool  # whether times are counted from an epoch, such as 1970
     is_shifted: bool  # whether times have to be counted anew from the first point of a frame
 
+    @unchecked
     def seconds(self, records: Records) -> FloatArray:
         """Returns the time (n,) of each point since the start of the frame; 0 if it is invalid."""
         values = records[self.field]
@@ -70,6 +71,7 @@ class PointTimes:
 class PointFields:
     """The fields of all points of a recording, decided from some of its clouds."""
 
+    @unchecked
     def __init__(self, samples: Iterable[Records]) -> None:
         samples = [records for records in samples if len(records) > 0]
         names = set(samples[0].dtype.names or ()) if samples else set()
@@ -85,6 +87,7 @@ class PointFields:
                 f"points have a {has} (`{field}`), but no {lacks} is known: {has} is not used"
             )
 
+    @unchecked
     def read(self, location: str, records: Records) -> Records | None:
         """Returns records (n,) of kitti.FIELDS, or None if time or ring is unknown.
 
@@ -137,6 +140,7 @@ def named_fields(kind: np.dtype[np.void], names: Sequence[str]) -> list[str]:
     return [of_small[name] for name in names if name in of_small]
 
 
+@unchecked
 def map_offset(samples: Iterable[Records]) -> FloatArray:
     """Returns the offset (3,) of coordinates of a map, such as UTM; 0 for those of a sensor.
 

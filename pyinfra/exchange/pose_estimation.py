@@ -138,7 +138,10 @@ def check_region(file: Path, region: Region, recording: Recording, estimate: Sur
     chosen = _spread(recording)
     reach = 0.0
     for i in chosen:
-        xyz = recording.read(i).points[:, :3].astype(np.float64) @ tilt.T
+        try:
+            xyz = recording.read(i).points[:, :3].astype(np.float64) @ tilt.T
+        except FormatError:  # the import reports it
+            continue
         xyz = xyz[np.isfinite(xyz).all(axis=1)]
         if region.holds(xyz, 0.0).any():
             return

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.core.arrays import AnyArray, FloatArray, Points, Records
+from pyinfra.core.arrays import AnyArray, FloatArray, Points, Records, unchecked
 from pyinfra.core.errors import FormatError
 from pyinfra.exchange.frame_times import seconds_of_stamp
 from pyinfra.exchange.pcd import FIRST, readable
@@ -85,6 +85,7 @@ def read_clouds(
     return Recording(names, clouds.frame, labelled=False, times=clouds.times, notes=clouds.notes)
 
 
+@unchecked
 def points_of(
     location: str, records: Records, options: Options, offset: FloatArray | None = None
 ) -> Points:
@@ -93,8 +94,7 @@ def points_of(
     if None in axes:
         names = " ".join(records.dtype.names or ())
         raise FormatError(f"{location}: expected the fields x, y and z, got {names[:200]}")
-    with np.errstate(invalid="ignore"):  # damaged files have signalling NaN
-        columns: list[AnyArray] = [records[name].astype(np.float64) for name in axes if name]
+    columns: list[AnyArray] = [records[name].astype(np.float64) for name in axes if name]
     if offset is not None and offset.any():
         columns = [column - o for column, o in zip(columns, offset, strict=True)]
     intensity = intensity_field(records)

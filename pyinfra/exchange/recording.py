@@ -12,6 +12,7 @@ import numpy as np
 
 from pyinfra.core.arrays import AnyArray, FloatArray, IntArray, NameArray, Points, Records
 from pyinfra.core.errors import Error, FormatError
+from pyinfra.exchange.name_times import times_in
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.kitti.layout import FARTHEST_M
 from pyinfra.formats.text_table import lines_of
@@ -93,7 +94,7 @@ class Recording:
 
 
 def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
-    """Returns the files of a folder with one of the suffixes, sorted by the numbers in their names.
+    """Returns the files of a folder with one of the suffixes, sorted by times or numbers in names.
 
     Hidden files are skipped, because they belong to the system or are still being written. Raises
     FileNotFoundError if the folder does not exist. Raises Error if it has no file with a suffix, or
@@ -109,6 +110,9 @@ def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
             raise Error(
                 f"{folder}: expected one file for each frame, got {other.name}, {file.name}"
             )
+    times = times_in([stem(file) for file in files])
+    if times is not None:
+        return [files[i] for i in sorted(range(len(files)), key=lambda i: (times[i], files[i]))]
     of_name = _numbers_in([file.name for file in files])
     return sorted(files, key=lambda file: (of_name[file.name], file.name))
 

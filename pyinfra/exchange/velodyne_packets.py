@@ -6,7 +6,6 @@ packets to a bag, which the import reads.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -116,9 +115,9 @@ def _check_maker(file: Path) -> None:
                 if data.startswith(magic):
                     raise Error(_other(file, maker, program))
             sizes.add(len(data))
-    except (ValueError, struct.error, OSError) as error:
-        if isinstance(error, Error):
-            raise
+    except (Error, OSError):
+        raise
+    except Exception as error:  # dpkt raises many types for damaged files
         raise FormatError(f"{file}: cannot be read as .pcap: {str(error)[:200]}") from None
     if any(size in OUSTER_BYTES for size in sizes):
         raise Error(_other(file, "Ouster", f"`ouster-cli source {file.name} save out.bag`"))

@@ -18,8 +18,8 @@ from pyinfra.dataset.ground import ground_of, shape_heights
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.dataset.road_plane import find_plane
 from pyinfra.exchange.data_set import LidarFacts
-from pyinfra.exchange.frame_times import seconds_of
 from pyinfra.exchange.imports import import_recording, warnings
+from pyinfra.exchange.name_times import times_in
 from pyinfra.exchange.pose_estimation import UPS
 from pyinfra.exchange.recording import Options, sorted_files, stem
 from pyinfra.formats import kitti
@@ -418,7 +418,31 @@ def names_at(times: list[float]) -> list[str]:
     ],
 )
 def test_names_that_are_times(name: str, seconds: float | None) -> None:
-    assert seconds_of(name) == (pytest.approx(seconds, abs=1e-6) if seconds else None)
+    times = times_in([name])
+    assert (None if times is None else times[0]) == (pytest.approx(seconds) if seconds else None)
+
+
+@pytest.mark.parametrize("separator", [".", "_", "-", ""])
+@pytest.mark.parametrize("padded", [True, False])
+def test_fractions_may_lack_their_zeros(separator: str, padded: bool, tmp_path: Path) -> None:
+    expected = START + 0.1 * np.arange(25) + 0.003
+    whole = np.floor(expected).astype(int)
+    nanoseconds = np.round((expected - whole) * 1e9).astype(int) + 1  # no zero at the end
+    names = [
+        f"{s}{separator}{n:09d}" if padded else f"{s}{separator}{n}"
+        for s, n in zip(whole, nanoseconds, strict=True)
+    ]
+    times = times_in(names)
+    assert times is not None
+    np.testing.assert_allclose(times - START, expected - START, atol=1e-6)
+    for name in names[::-1]:
+        (tmp_path / f"{name}.bin").touch()
+    assert [stem(file) for file in sorted_files(tmp_path, [".bin"])] == names
+
+
+def test_times_without_trailing_zeros_are_decimals() -> None:
+    times = [START + t for t in (0.1, 0.15, 0.2, 0.25, 0.3, 0.354284)]
+    np.testing.assert_allclose(times_in([str(time) for time in times]), times)
 
 
 def test_the_period_is_that_of_the_clock(site: Path, tmp_path: Path) -> None:
@@ -534,6 +558,34 @@ def test_one_cloud_without_a_time_is_reported(site: Path, tmp_path: Path) -> Non
     text = "1 of 5 frames, such as 000000, have no time: the times of the other frames are not used"
     assert text in summary.assumed
     assert kitti.read_lidar(tmp_path / "in/pole").period_s == 0.1
+
+
+def test_a_few_unknown_times_are_interpolated(site: Path, tmp_path: Path) -> None:
+    clouds = clouds_of(site, "helios_16")[:11]
+    clouds[4] = clouds[4][:0]
+    times = [0.5 * i for i in range(11)]
+    source = write_stamped(tmp_path / "source", clouds, times)
+    summary, _ = import_recording(source, "pcd", tmp_path / "in/pole", FACTS, Options())
+    assert any("such as 000004, have no time: it is interpolated" in t for t in summary.assumed)
+    assert kitti.read_lidar(tmp_path / "in/pole").period_s == 0.5
+    assert kitti.frames(tmp_path / "in/pole") == list(range(11))
+
+
+@pytest.mark.parametrize("columns", [4, 5])
+def test_a_cut_cloud_changes_nothing_for_the_others(
+    site: Path, columns: int, tmp_path: Path
+) -> None:
+    clouds = clouds_of(site, "helios_16")[:11]
+    wide = [np.column_stack([c, *[np.arange(len(c)) % 16] * (columns - 4)]) for c in clouds]
+    source = write(tmp_path / "source", wide, names_at([0.1 * i for i in range(11)]))
+    cut = sorted(source.iterdir())[5]
+    cut.write_bytes(cut.read_bytes()[:-7])
+    region = outline(tmp_path, "[[-90, -16], [90, -16], [90, 16], [-90, 16]]")
+    with pytest.raises(FormatError, match=f"{cut.name}: expected a multiple of {4 * columns} b"):
+        taken(source, region=region)
+    folder, text = taken(source, region=region, skip_bad=True)
+    assert "left out 1 frames that cannot be read" in text
+    assert kitti.frames(folder) == [0, 1, 2, 3, 4, 6, 7, 8, 9, 10]
 
 
 @pytest.mark.parametrize(("unit_m", "away_m"), [(0.01, 0.0), (1.0, 4e6)])

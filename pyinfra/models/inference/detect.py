@@ -148,14 +148,22 @@ def reader_at(run: Path, lidar_folder: Path, files: Sequence[Path]) -> Callable[
 
 
 def stacking(
-    lidar_folder: Path, frames: Sequence[int], accumulation: Accumulation, past_s: float = 0.0
+    lidar_folder: Path,
+    frames: Sequence[int],
+    accumulation: Accumulation,
+    past_s: float = 0.0,
+    *,
+    existing: Sequence[int] | None = None,
 ) -> Callable[[Path], Points]:
     """Returns a function that reads the stacked cloud of a frame's file.
 
     Neighbouring frames are stacked even if they belong to another split. past_s: seconds of the
-    past whose occupancy the cloud has (training/past.py). Raises Error if no frame has a neighbour.
+    past whose occupancy the cloud has (training/past.py). existing: numbers of the frames that can
+    be neighbours, by default all. Raises Error if no frame has a neighbour.
     """
-    existing, period_s = frame_numbers(lidar_folder, "all"), period_of(lidar_folder)
+    if existing is None:
+        existing = frame_numbers(lidar_folder, "all")
+    period_s = period_of(lidar_folder)
     read = partial(read_frame, lidar_folder)
     clouds = accumulation.clouds(read, frames, existing, period_s)
     clouds = with_past(clouds, read, frames, existing, period_s, past_s)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, Points
-from pyinfra.core.errors import Error
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import alone
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.frames import frame_numbers, frame_range, has_labels, period_of
@@ -150,6 +150,26 @@ def frame_files(
     return [kitti.frame_file(lidar_folder, "velodyne", k) for k in chosen]
 
 
+def readable_clouds(
+    files: Sequence[Path], read: Callable[[Path], Points]
+) -> tuple[list[Path], list[str]]:
+    """Returns the files that can be read, and the errors of the others.
+
+    Raises Error if no file can be read.
+    """
+    good, errors = [], []
+    for file in files:
+        try:
+            read(file)
+        except FormatError as error:
+            errors.append(str(error))
+        else:
+            good.append(file)
+    if not good:
+        raise Error(f"expected a cloud that can be read, got none: {errors[0]}")
+    return good, errors
+
+
 def detect_folder(
     model: Path,
     lidar_folder: Path,
@@ -160,13 +180,15 @@ def detect_folder(
     drop_standing: bool = False,
     device: str = "cpu",
     threads: int = 1,
+    skip_bad: bool = False,
     warn: Warn,
 ) -> FolderDetections:
     """Runs a model on frames of a folder, and writes its boxes and origin.yaml to `out`.
 
     Frames are stacked if the model needs stacked frames. drop_standing: whether to remove vehicle
-    boxes that recur at a position where no box ever moves. threads: as in load_detector. warn:
-    called with a text for each problem that may reduce accuracy.
+    boxes that recur at a position where no box ever moves. threads: as in load_detector. skip_bad:
+    whether to leave out neighbouring frames that cannot be read, if the model uses neighbours.
+    warn: called with a text for each problem that may reduce accuracy.
     """
     if out.name == "label_2":
         raise Error(f"out: expected a folder other than that of the labels, got {out}")
@@ -174,9 +196,13 @@ def detect_folder(
     if text := frames_warning(model, number_at(lidar_folder)):
         warn(text)
     detector = detector_at_place(model, where, device, threads)
-    read = stacking(lidar_folder, numbers, accumulation_of(model), past_seconds(model))
-    known = frame_numbers(lidar_folder, "all"), period_of(lidar_folder)
-    inputs = inputs_used(model, numbers, *known)
+    known = frame_numbers(lidar_folder, "all")
+    accumulation, past_s = accumulation_of(model), past_seconds(model)
+    if skip_bad and (accumulation.frames > 1 or past_s > 0):
+        clouds = [kitti.frame_file(lidar_folder, "velodyne", k) for k in known]
+        known = [int(file.stem) for file in readable_clouds(clouds, kitti.read_points)[0]]
+    read = stacking(lidar_folder, numbers, accumulation, past_s, existing=known)
+    inputs = inputs_used(model, numbers, known, period_of(lidar_folder))
     with alone(out):
         out.mkdir(parents=True, exist_ok=True)
         if read_origin(out) is not None or not others(out, files):
@@ -186,8 +212,8 @@ def detect_folder(
             return FolderDetections(files, *detect(detector, files, out, read=read), inputs=inputs)
         once(files)
         detections_of_all, times = detect(detector, files, None, read=read)
-        clouds = [partial(kitti.read_points, file) for file in files]
-        filtered = without_standing(clouds, detections_of_all, where.region, where.ground)
+        reads = [partial(kitti.read_points, file) for file in files]
+        filtered = without_standing(reads, detections_of_all, where.region, where.ground)
         if text := length_warning(numbers, period_of(lidar_folder)):
             warn(text)
         for file, detections in zip(files, filtered, strict=True):
