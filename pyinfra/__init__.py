@@ -22,12 +22,24 @@ if TYPE_CHECKING:
     from pyinfra.core.version import __version__
     from pyinfra.dataset.frame_sequence import FrameSequence, LidarFrame
     from pyinfra.dataset.lists import list_lidars, list_presets, list_scenes
-    from pyinfra.dataset.loading import load_dataset, load_lidar, load_scene, simulate
+    from pyinfra.dataset.loading import load_dataset, load_lidar, load_scene
+    from pyinfra.dataset.simulated import simulate
     from pyinfra.dataset.simulation import Lidar, World
     from pyinfra.experiments.option_table import recommend
     from pyinfra.experiments.planner.candidates import PoseGrid
     from pyinfra.experiments.planner.plan import Plan, plan
     from pyinfra.experiments.stress.runner import stress
+    from pyinfra.folders import (
+        export_onnx,
+        pictures,
+        propose_region,
+        report,
+        split,
+        statistics,
+        trust,
+        validate,
+        view,
+    )
     from pyinfra.metrics.compare import compare
     from pyinfra.metrics.comparison import Interval
     from pyinfra.metrics.evaluate import evaluate
@@ -41,6 +53,13 @@ if TYPE_CHECKING:
         register_detector,
     )
     from pyinfra.models.inference.detections import Detections
+    from pyinfra.sites import (
+        draw_site,
+        import_mesh,
+        import_trajectories,
+        make_sites,
+        simulate_traffic,
+    )
     from pyinfra.tracking.counts import count
     from pyinfra.tracking.evaluation import evaluate_tracks
     from pyinfra.tracking.tracker import TrackSettings
@@ -68,11 +87,15 @@ _MODULES = {
     "compare": "pyinfra.metrics.compare",
     "count": "pyinfra.tracking.counts",
     "detect": "pyinfra.models.inference.boxes_table",
+    "draw_site": "pyinfra.sites",
     "evaluate": "pyinfra.metrics.evaluate",
     "evaluate_tracks": "pyinfra.tracking.evaluation",
     "export": "pyinfra.conversion",
+    "export_onnx": "pyinfra.folders",
     "import_map": "pyinfra.conversion",
+    "import_mesh": "pyinfra.sites",
     "import_recording": "pyinfra.conversion",
+    "import_trajectories": "pyinfra.sites",
     "list_detectors": "pyinfra.models.inference.boxes_table",
     "list_lidars": "pyinfra.dataset.lists",
     "list_presets": "pyinfra.dataset.lists",
@@ -81,17 +104,27 @@ _MODULES = {
     "load_detector": "pyinfra.models.inference.boxes_table",
     "load_lidar": "pyinfra.dataset.loading",
     "load_scene": "pyinfra.dataset.loading",
+    "make_sites": "pyinfra.sites",
+    "pictures": "pyinfra.folders",
     "plan": "pyinfra.experiments.planner.plan",
     "plot_ap_by_distance": "pyinfra.viz.plots",
     "plot_frame": "pyinfra.viz.frame_plot",
     "plot_scene": "pyinfra.viz.plots",
     "plot_stress": "pyinfra.viz.plots",
+    "propose_region": "pyinfra.folders",
     "recommend": "pyinfra.experiments.option_table",
     "register_detector": "pyinfra.models.inference.boxes_table",
-    "simulate": "pyinfra.dataset.loading",
+    "report": "pyinfra.folders",
+    "simulate": "pyinfra.dataset.simulated",
+    "simulate_traffic": "pyinfra.sites",
+    "split": "pyinfra.folders",
+    "statistics": "pyinfra.folders",
     "stress": "pyinfra.experiments.stress.runner",
     "track": "pyinfra.tracking.tracks",
     "train": "pyinfra.api",
+    "trust": "pyinfra.folders",
+    "validate": "pyinfra.folders",
+    "view": "pyinfra.folders",
 }
 
 __all__ = [
@@ -114,11 +147,15 @@ __all__ = [
     "compare",
     "count",
     "detect",
+    "draw_site",
     "evaluate",
     "evaluate_tracks",
     "export",
+    "export_onnx",
     "import_map",
+    "import_mesh",
     "import_recording",
+    "import_trajectories",
     "list_detectors",
     "list_lidars",
     "list_presets",
@@ -127,17 +164,27 @@ __all__ = [
     "load_detector",
     "load_lidar",
     "load_scene",
+    "make_sites",
+    "pictures",
     "plan",
     "plot_ap_by_distance",
     "plot_frame",
     "plot_scene",
     "plot_stress",
+    "propose_region",
     "recommend",
     "register_detector",
+    "report",
     "simulate",
+    "simulate_traffic",
+    "split",
+    "statistics",
     "stress",
     "track",
     "train",
+    "trust",
+    "validate",
+    "view",
 ]
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
-import tempfile
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +11,7 @@ from typing import Literal
 from pyinfra.core.errors import Error
 from pyinfra.core.names import StrPath, check_name, path_of
 from pyinfra.core.public import CALLER, public
-from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
+from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
 from pyinfra.dataset.loading import load_dataset, one_lidar
 
 
@@ -201,20 +199,13 @@ def export(frames: FrameSequence | StrPath, format: str, out: StrPath) -> Path:
     ...     sorted(path.name for path in out.iterdir() if path.is_dir())
     ['ImageSets', 'cfgs', 'labels', 'points']
     """
-    from pyinfra.dataset.sequence_folder import write_folder
+    from pyinfra.dataset.sequence_folder import on_disk
     from pyinfra.exchange import exports
     from pyinfra.exchange.formats import EXPORTS
 
     check_name(format, EXPORTS, "format")
     sequence, folder = one_lidar(frames, "frames"), path_of(out, "out")
-    with contextlib.ExitStack() as stack:
-        if isinstance(sequence, SimulatedFrames):
-            folder.parent.mkdir(parents=True, exist_ok=True)
-            beside = tempfile.TemporaryDirectory(dir=folder.parent, prefix=".simulated_")
-            lidar_folder = write_folder(sequence, Path(stack.enter_context(beside)))
-        elif isinstance(sequence, RecordedFrames):
-            lidar_folder = sequence.folder
-        else:
-            raise Error("frames: expected frames of simulate or load_dataset, got another sequence")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with on_disk(sequence, folder.parent) as lidar_folder:
         exports.export(lidar_folder, sequence.numbers, format, folder)
     return folder

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pyinfra.models.pytorch import need_pytorch
+from pyinfra.folders import export_onnx
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,9 +19,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    need_pytorch()
-    from pyinfra.models.inference.onnx import export
-
-    export(args.model, args.out)
-    print(args.out)
+    print(export_onnx(args.model, args.out))
     return 0

@@ -4,11 +4,7 @@ import argparse
 from pathlib import Path
 
 from pyinfra.cli.number_option import one_frame
-from pyinfra.core.errors import Error
-from pyinfra.dataset.frames import lidar_folders
-from pyinfra.formats import kitti
-from pyinfra.viz import clouds
-from pyinfra.viz.frame_pictures import draw_scenes
+from pyinfra.viz.frame_pictures import draw_pictures
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,17 +19,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    data_sets = [lidar_folders(data) for data in args.data]
-    frame = args.frame
-    for folders in data_sets:
-        existing = kitti.frames(folders[0])
-        if frame is None:
-            frame = next(iter(existing), 0)
-        if frame not in existing:
-            problem = f"{folders[0]}: --frame: expected {kitti.extent(existing)}"
-            raise Error(f"{problem}, got {frame}")
-    files = clouds.draw_frames(data_sets, frame, args.out)
-    files += draw_scenes(data_sets, frame, args.out)
-    for file in files:
+    for file in draw_pictures(args.data, args.frame, args.out):
         print(file)
     return 0

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pyinfra.core.errors import Error
 from pyinfra.dataset.frames import lidar_folder
-from pyinfra.models.inference.region_proposal import LEAST_S, propose_of_folder, write_outline
+from pyinfra.folders import propose_region
+from pyinfra.models.inference.region_proposal import LEAST_S
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,10 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    if args.out.suffix not in (".yaml", ".yml"):
-        raise Error(f"--out: expected a .yaml file, got {args.out}")
-    proposal = propose_of_folder(lidar_folder(args.data))
-    write_outline(args.out, proposal.corners)
+    proposal = propose_region(lidar_folder(args.data), args.out)
     print(
         f"{args.out}: {len(proposal.corners)} corners, {proposal.area_m2:.0f} m2, from "
         f"{proposal.vehicles} tracks of vehicles; inside are {100 * proposal.inside_share:.0f} % "

@@ -6,17 +6,9 @@ import argparse
 from pathlib import Path
 
 from pyinfra.cli.number_option import usd
-from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import TIERS
-from pyinfra.experiments.requirements import Requirements, checked_requirements
-from pyinfra.viz.page_file import check_file
-from pyinfra.viz.plan_page.files import is_plan
-from pyinfra.viz.plan_page.page import rewrite_plan_page
-from pyinfra.viz.report.contents import page, read_sections
-from pyinfra.viz.report.page import write_page
-from pyinfra.viz.report.report_data import read_material
-
-SECTIONS = "pyinfra.viz.report.contents"
+from pyinfra.experiments.requirements import Requirements
+from pyinfra.viz.report.write import SECTIONS, write_report
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,20 +51,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="budget_usd",
         type=usd,
         metavar="USD",
-        default=Requirements.budget_usd,
         help="highest price of LiDAR and site, in US dollars; default: no limit",
     )
     group.add_argument(
         "--min-ap",
         type=float,
-        default=Requirements.min_ap,
         help=f"minimum AP of all vehicles, 0 to 100; default: {Requirements.min_ap:g}",
     )
     group.add_argument(
         "--range",
         dest="range_m",
         type=float,
-        default=Requirements.range_m,
         help=(
             "maximum distance of the vehicles and roads that count, in metres; default: "
             f"{Requirements.range_m:g}"
@@ -90,34 +79,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    check_file(args.out)
-    if is_plan(args.results):
-        check_only_out(args)
-        print(rewrite_plan_page(args.results, args.out))
-        return 0
-    requirements = checked_requirements(args.budget_usd, args.min_ap, args.range_m, args.latency_ms)
-    sections, tables = read_sections(args.sections)
-    material = read_material(args.results, args.data, args.runs, args.tier, requirements, tables)
-    args.out.parent.mkdir(parents=True, exist_ok=True)
-    print(write_page(page(material, sections), args.out))
+    required = {name: getattr(args, name) for name in vars(Requirements())}
+    out = write_report(
+        *(args.results, args.out, args.data, args.runs, args.tier, args.sections, required)
+    )
+    print(out)
     return 0
-
-
-def check_only_out(args: argparse.Namespace) -> None:
-    """Raises Error for an option that the page of a plan does not have."""
-    given = {
-        "data": args.data,
-        "runs": args.runs,
-        "sections": args.sections != SECTIONS,
-        "tier": args.tier,
-        "budget_usd": args.budget_usd != Requirements.budget_usd,
-        "min_ap": args.min_ap != Requirements.min_ap,
-        "range_m": args.range_m != Requirements.range_m,
-        "latency_ms": args.latency_ms is not None,
-    }
-    for name, value in given.items():
-        if value:
-            raise Error(
-                f"{name}: expected a benchmark's results for it, got the plan {args.results}; the "
-                "page of a plan has its own controls"
-            )

@@ -3,8 +3,6 @@
 import argparse
 from pathlib import Path
 
-from pyinfra.core.errors import Error
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
@@ -56,46 +54,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    import numpy as np
+    from pyinfra.scenes.maps.trajectory_folder import write_recorded
 
-    from pyinfra.core.errors import FormatError
-    from pyinfra.scenes.maps import fcd, recorded_boxes, site_folder
-    from pyinfra.scenes.maps.lane_heights import height_notes, on_lanes
-    from pyinfra.scenes.maps.site_traffic import RECORD
-    from pyinfra.scenes.maps.tracks import lasts_s
-    from pyinfra.scenes.maps.traffic_figures import report_lines
-    from pyinfra.scenes.maps.trajectory_file import NAME, write_trajectories
-    from pyinfra.scenes.maps.trajectory_import import import_boxes, import_fcd
-
-    if args.rate_hz is not None and not 0.1 <= args.rate_hz <= 10_000:
-        raise Error(f"--rate-hz: expected 0.1 to 10000, got {args.rate_hz:g}")
-    if not args.out.is_dir():
-        raise FileNotFoundError(f"{args.out}: expected an existing site folder, got no such folder")
-    offset = np.zeros(3) if args.world else site_folder.offset(args.out)
-    has_scene = (args.out / site_folder.SCENE).exists()
-    try:
-        notes: list[str] = []
-        if args.file.suffix.lower() in (".xml", ".gz") or fcd.is_fcd_csv(args.file):
-            projection = site_folder.projection(args.out)
-            recorded = fcd.read_fcd(args.file)
-            imported = import_fcd(recorded, args.class_of, offset, projection, has_site=has_scene)
-        elif args.file.is_dir():
-            imported = import_boxes(recorded_boxes.read_frames(args.file), np.zeros(3))
-        else:
-            how = recorded_boxes.BoxColumns(args.columns, args.class_of, args.rate_hz, args.degrees)
-            boxes, notes = on_lanes(args.out, recorded_boxes.read_boxes(args.file, how), offset)
-            imported = import_boxes(boxes, offset)
-    except FormatError as error:
-        text = str(error)
-        named = text if text.startswith(str(args.file)) else f"{args.file}: {text}"
-        raise FormatError(named) from error
-    write_trajectories(args.out / NAME, imported.tracks)
-    (args.out / RECORD).unlink(missing_ok=True)
-    if has_scene:
-        site_folder.set_duration(args.out, lasts_s(imported.tracks))
-    feet = site_folder.feet(args.out) if has_scene else np.zeros((1, 2))
-    notes += [*height_notes(args.out, imported.tracks), *imported.notes]
-    print(*report_lines(args.out / NAME, imported.tracks, feet, notes), sep="\n")
+    lines = write_recorded(
+        args.file,
+        args.out,
+        columns=args.columns,
+        classes=args.class_of,
+        rate_hz=args.rate_hz,
+        in_world=args.world,
+        degrees=args.degrees,
+    )
+    print(*lines, sep="\n")
     return 0
 
 

@@ -3,17 +3,9 @@
 import argparse
 from pathlib import Path
 
-import yaml
-
 from pyinfra.cli.messages import note
-from pyinfra.core.errors import Error
-from pyinfra.core.files import replacing
-from pyinfra.core.progress import track
-from pyinfra.scenes.generator.generate import make_site
-
-SHEET = "sheet.png"
-MOST_ON_A_SHEET = 48
-DPI = 130
+from pyinfra.sites import make_sites
+from pyinfra.viz.site_sheet import MOST_ON_A_SHEET, SHEET
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,23 +25,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    if args.count < 1:
-        raise Error(f"--count: expected 1 or more, got {args.count}")
-    if args.seed < 0:
-        raise Error(f"--seed: expected 0 or more, got {args.seed}")
-    from pyinfra.viz.site_sheet import sheet
-
-    args.out.mkdir(parents=True, exist_ok=True)
-    sites = [make_site(seed) for seed in track(range(args.seed, args.seed + args.count), "site")]
-    for site in sites:
-        file = args.out / f"{site['name']}.yaml"
-        with replacing(file) as beside:
-            text = yaml.safe_dump(site, sort_keys=False, default_flow_style=None, width=100)
-            beside.write_text(text)
+    for file in make_sites(args.out, args.count, seed=args.seed):
         print(file)
-    with replacing(args.out / SHEET) as beside:
-        sheet(sites[:MOST_ON_A_SHEET]).savefig(beside, format="png", dpi=DPI)
-    print(args.out / SHEET)
-    if len(sites) > MOST_ON_A_SHEET:
-        note(f"{SHEET} shows the first {MOST_ON_A_SHEET} of {len(sites)} sites", args)
+    if args.count > MOST_ON_A_SHEET:
+        note(f"{SHEET} shows the first {MOST_ON_A_SHEET} of {args.count} sites", args)
     return 0

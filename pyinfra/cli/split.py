@@ -3,9 +3,8 @@
 import argparse
 from pathlib import Path
 
-from pyinfra.core.errors import Error
-from pyinfra.dataset.data_set import read_data_set
-from pyinfra.dataset.split import TRAIN_UNTIL_S, VAL_FROM_S, by_random, by_seed, by_time, write
+from pyinfra.dataset.split import TRAIN_UNTIL_S, VAL_FROM_S
+from pyinfra.folders import split
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,17 +36,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    if (args.by == "seed") != (args.val_data is not None):
-        raise Error("--val-data: expected exactly if --by is seed")
-    data = read_data_set(args.data)
-    if args.by == "seed":
-        validation = read_data_set(args.val_data)
-        pairs = list(zip((data, validation), by_seed(data, validation), strict=True))
-    elif args.by == "random":
-        pairs = [(data, by_random(data.frames, args.seed))]
-    else:
-        pairs = [(data, by_time(data.frames, data.period_s, args.train_until_s, args.val_from_s))]
-    for folder, split in pairs:
-        write(folder, split, force=args.force)
-        print(f"{folder.folder}: train {len(split.train)}, val {len(split.val)} frames")
+    table = split(
+        args.data,
+        args.by,
+        val_data=args.val_data,
+        seed=args.seed,
+        train_until_s=args.train_until_s,
+        val_from_s=args.val_from_s,
+        force=args.force,
+    )
+    for folder, train, val in table.itertuples(index=False):
+        print(f"{folder}: train {train}, val {val} frames")
     return 0

@@ -4,11 +4,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from pyinfra.core.errors import Error
-from pyinfra.metrics.scanning_statistics import statistics, write
-from pyinfra.viz import scanning_plots
-
-MOST_FRAMES = 100  # highest value of --accumulate
+from pyinfra.folders import statistics
+from pyinfra.models.ops.kernels import kernels
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,25 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    if not 1 <= args.accumulate <= MOST_FRAMES:
-        raise Error(f"--accumulate: expected 1 to {MOST_FRAMES}, got {args.accumulate}")
-    patterns = _extension_is_there()
-    if not patterns:
+    tables = statistics(args.data, args.out, above_road=args.above_road, accumulate=args.accumulate)
+    if kernels is None:
         print("the extension is not built: no lit_share, no angular_density", file=sys.stderr)
-    tables = statistics(
-        args.data, above_road=args.above_road, patterns=patterns, accumulate=args.accumulate
-    )
-    files = write(tables, args.out)
-    for name, table in tables.items():
-        scanning_plots.save(scanning_plots.draw(name, table), args.out / name)
-    for file in files:
-        print(file)
+    for name in tables:
+        print(args.out / f"{name}.csv")
     return 0
-
-
-def _extension_is_there() -> bool:
-    try:
-        from pyinfra.dataset import simulation  # noqa: F401
-    except ImportError:
-        return False
-    return True

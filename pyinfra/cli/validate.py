@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
 from pathlib import Path
-
-import pandas as pd
 
 from pyinfra.cli.messages import with_options
 from pyinfra.core.errors import Error
 from pyinfra.core.files import write
-from pyinfra.dataset.frames import has_labels
+from pyinfra.dataset.frames import has_labels, lidar_folder
+from pyinfra.folders import trust, validate
 from pyinfra.formats.csv_table import number_text
-from pyinfra.metrics.frame_checks import folders_with_frames, validate
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,38 +43,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    folders = folders_with_frames(args.data)
-    if args.pred is not None and len(folders) > 1:
-        names = ", ".join(folder.name for folder in folders)
-        raise Error(f"{args.data}: expected one of {names}, got several LiDARs with --pred")
-    findings = [
-        finding
-        for folder in folders
-        for finding in validate(folder, args.pred, args.split, allow_missing=args.allow_missing)
-    ]
-    for finding in findings:
-        print(with_options(str(finding), args.options))
-    if args.pred is not None and (args.unlabelled or not has_labels(folders[0])):
-        _trust(folders[0], args)
+    findings = validate(args.data, args.pred, split=args.split, allow_missing=args.allow_missing)
+    for level, name, text in findings.itertuples(index=False):
+        print(with_options(f"{level}: {name}: {text}", args.options))
+    if args.pred is not None and (args.unlabelled or not has_labels(lidar_folder(args.data))):
+        _trust(args)
     elif args.unlabelled or args.out is not None:
         got = "no --pred" if args.pred is None else "labels"
         raise Error(f"--unlabelled, --out: expected --pred and no labels, got {got}")
-    errors = sum(finding.level == "error" for finding in findings)
-    warnings = sum(finding.level == "warning" for finding in findings)
+    errors, warnings = ((findings.level == level).sum() for level in ("error", "warning"))
     print(f"{args.data}: {errors} errors, {warnings} warnings")
     return 1 if errors else 0
 
 
-def _trust(folder: Path, args: argparse.Namespace) -> None:
+def _trust(args: argparse.Namespace) -> None:
     """Prints the label-free quality measures of the predictions.
 
     If --out is given, also writes them to trust.csv.
     """
-    from pyinfra.models.inference.label_free_checks import trust_of
-
-    rows = trust_of(folder, args.pred, args.split, allow_missing=args.allow_missing)
-    table = pd.DataFrame([asdict(row) for row in rows])
-    print(f"{folder}: {table.frames[0]} frames; shares of boxes by minimum score (without labels)")
+    table = trust(args.data, args.pred, split=args.split, allow_missing=args.allow_missing)
+    frames = f"{lidar_folder(args.data)}: {table.frames[0]} frames"
+    print(f"{frames}; shares of boxes by minimum score (without labels)")
     print(table.drop(columns="frames").to_string(index=False, float_format=lambda v: f"{v:.3g}"))
     if args.out is not None:
         args.out.mkdir(parents=True, exist_ok=True)

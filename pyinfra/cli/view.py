@@ -6,18 +6,7 @@ import argparse
 from pathlib import Path
 
 from pyinfra.cli.number_option import one_frame
-from pyinfra.core.errors import Error
-from pyinfra.core.files import resolved
-from pyinfra.dataset.surroundings import read_surroundings
-from pyinfra.viz.page_file import check_file
-from pyinfra.viz.viewer.page import check_size, write_page
-from pyinfra.viz.viewer.selection import (
-    chosen_folders,
-    chosen_frames,
-    prediction_folders,
-    read_views,
-    title_of,
-)
+from pyinfra.viz.viewer.views import write_view
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -70,28 +59,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    if args.most_points is not None and args.most_points < 1:
-        raise Error(f"--max-points: expected 1 or more, got {args.most_points}")
-    check_file(args.out, *[b"RRF"] * args.rerun)
-    folders = chosen_folders(args.data, args.lidar)
-    predictions = prediction_folders(args.pred, folders)
-    words = str(args.frame) if args.frame is not None else args.frames
-    frames = chosen_frames(folders[0], words, predictions.get(folders[0]))
-    if not args.rerun:
-        check_size(folders, frames, args.most_points)
-    views = read_views(folders, frames, predictions)
-    if args.rerun:
-        from pyinfra.viz.viewer import recording
-
-        size = recording.write(views, args.out)
-    else:
-        around = read_surroundings(resolved(folders[0]).parent)
-        title = title_of(folders, frames)
-        size = write_page(views, title, args.out, args.most_points, around)
-    count = (
-        f"{len(views)} LiDAR{'s'[: len(views) > 1]}, {len(frames)} frame{'s'[: len(frames) > 1]}"
+    frames = args.frames if args.frame is None else str(args.frame)
+    shown = write_view(
+        *(args.data, args.out, args.lidar, frames, args.pred, args.most_points),
+        rerun=args.rerun,
     )
-    print(f"{args.out}: {size / 1e6:.2f} MB, {count}")
+    counts = [
+        f"{count} {name}{'s'[: count > 1]}"
+        for count, name in ((shown.lidars, "LiDAR"), (shown.frames, "frame"))
+    ]
+    print(f"{args.out}: {shown.size / 1e6:.2f} MB, {', '.join(counts)}")
     if args.rerun:
-        recording.open_viewer(args.out)
+        from pyinfra.viz.viewer.recording import open_viewer
+
+        open_viewer(args.out)
     return 0

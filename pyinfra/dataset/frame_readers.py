@@ -53,7 +53,10 @@ def read_vehicles(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
         files = [kitti.frame_file(lidar_folder, "objects", frame) for frame in frames]
         time = kitti.read_label_time(lidar_folder)
         vehicles = joined(files, lambda paths, index: _objects(paths, index, time))
-        return replace(vehicles, ids=track_ids(lidar_folder, vehicles.ids))
+        vehicles = replace(vehicles, ids=track_ids(lidar_folder, vehicles.ids))
+        if has_key(lidar_folder, b"frames_version"):
+            return vehicles
+        return replace(vehicles, speed=np.full(len(vehicles), np.nan))  # recordings have 0
     return read_labelled(lidar_folder, frames)
 
 
@@ -62,9 +65,13 @@ def track_ids(lidar_folder: Path, ids: IntArray) -> IntArray:
 
     Imports of earlier versions numbered the rows of recordings without tracks.
     """
+    return np.full_like(ids, -1) if has_key(lidar_folder, b"ids", b" rows") else ids
+
+
+def has_key(lidar_folder: Path, key: bytes, value: bytes = b"") -> bool:
+    """Returns whether the dataset.yaml of a LiDAR's folder has a key, with a value if given."""
     file = data_set_of(lidar_folder) / "dataset.yaml"
-    are_rows = file.is_file() and b"\nids: rows" in file.read_bytes()
-    return np.full_like(ids, -1) if are_rows else ids
+    return file.is_file() and b"\n" + key + b":" + value in file.read_bytes()
 
 
 def read_labelled(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
@@ -159,6 +166,7 @@ def _objects(files: Sequence[Path], frames: IntArray, label_time: LabelTime) -> 
         mid_frame=mid_frame,
         points=values[:, 9].astype(np.int64),
         visibility=values[:, 12],
+        speed=values[:, 8],
     )
 
 
@@ -174,6 +182,7 @@ def _labels(files: Sequence[Path], frames: IntArray, cameras: Cameras) -> Vehicl
         mid_frame=boxes,
         points=np.ones(n, dtype=np.int64),
         visibility=np.full(n, np.nan),
+        speed=np.full(n, np.nan),
     )
 
 

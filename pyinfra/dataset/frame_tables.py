@@ -22,6 +22,7 @@ class Vehicles:
     mid_frame: FloatArray  # (n, 7) at mid-frame; the region tests use these boxes
     points: IntArray  # (n,) number of this LiDAR's returns from the object; 1 if read from labels
     visibility: FloatArray  # (n,) visible share; -1 outside the region, NaN if read from labels
+    speed: FloatArray  # (n,) m/s along the heading; NaN if unknown
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -73,4 +74,5 @@ def without_points(frame: IntArray, ids: IntArray, names: NameArray, boxes: Floa
         mid_frame=boxes,
         points=np.zeros(len(frame), np.int64),
         visibility=np.full(len(frame), -1.0),
+        speed=np.full(len(frame), np.nan),
     )

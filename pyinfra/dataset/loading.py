@@ -4,26 +4,23 @@ from __future__ import annotations
 
 import atexit
 import json
-import math
-import operator
 import os
 import re
 import shutil
 import tempfile
-import warnings
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import yaml
 
 from pyinfra.core.arrays import Float32Array
-from pyinfra.core.errors import ConfigError, Error, FindingWarning
+from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.names import file_or_name, path_of
-from pyinfra.core.public import CALLER, public
+from pyinfra.core.public import public
 from pyinfra.core.vocabulary import Preset
 from pyinfra.dataset.box_tables import on_cpu
 from pyinfra.dataset.catalogue import configs, shipped
@@ -32,7 +29,6 @@ from pyinfra.dataset.frame_sequence import (
     FrameSequence,
     LidarFrame,
     RecordedFrames,
-    SimulatedFrames,
 )
 from pyinfra.dataset.frames import frame_numbers, lidars_in
 
@@ -146,91 +142,6 @@ def load_lidar(
     return simulation.load_lidar(
         file, preset, rate_hz=rate_hz, law_exponent=law_exponent, echo=echo
     )
-
-
-@overload
-def simulate(
-    scene: simulation.World | str | os.PathLike[str],
-    lidar: AnyLidar,
-    frames: Sequence[int],
-    *,
-    threads: int | None = ...,
-) -> SimulatedFrames: ...
-@overload
-def simulate(
-    scene: simulation.World | str | os.PathLike[str],
-    lidar: AnyLidars,
-    frames: Sequence[int],
-    *,
-    threads: int | None = ...,
-) -> dict[str, SimulatedFrames]: ...
-@public(threads=(1, math.inf))
-def simulate(
-    scene: simulation.World | str | os.PathLike[str],
-    lidar: AnyLidar | AnyLidars,
-    frames: Sequence[int],
-    *,
-    threads: int | None = None,
-) -> SimulatedFrames | dict[str, SimulatedFrames]:
-    """Returns the frames of one or several LiDARs in a scene, simulated on demand.
-
-    Parameters
-    ----------
-    scene : a result of `load_scene`, or a name or file of a scene
-    lidar : a result of `load_lidar`, or a name or file of a LiDAR; or a list of these
-    frames : frame numbers, such as `range(0, 1000, 10)`; frame k begins after k periods of the
-        LiDAR, which are usually 0.1 s long
-    threads : number of threads that cast rays; by default the number of processors
-
-    Returns
-    -------
-    A sequence of frames. For a list of LiDARs, a dict that maps LiDAR names to sequences. In a
-    sequence `result`, `result[3].points` is (n, 4) float32, x y z intensity, in the levelled LiDAR
-    frame. `result.labels` is a table of all labels. No file is written.
-
-    Raises
-    ------
-    Error : for frames that the scene does not have, a LiDAR whose preset does not fit the scene, or
-        LiDARs of different frame periods
-
-    Examples
-    --------
-    >>> import pyinfra as pi
-    >>> scene = pi.load_scene("highway", set={"duration_s": 2})
-    >>> frames = pi.simulate(scene, pi.load_lidar("helios_16"), range(0, 20, 10))
-    >>> len(frames), frames[1].number, frames[1].points.shape[1]
-    (2, 10, 4)
-    """
-    from pyinfra.dataset import simulation
-
-    several = isinstance(lidar, (list, tuple))
-    asked: list[AnyLidar] = list(lidar) if isinstance(lidar, (list, tuple)) else [lidar]
-    if not asked:
-        raise Error("lidar: expected one or more LiDARs, got an empty list")
-    world = scene if isinstance(scene, simulation.World) else load_scene(scene)
-    units = [x if isinstance(x, simulation.Lidar) else load_lidar(x) for x in asked]
-    numbers = _numbers(frames)
-    if not numbers:
-        raise Error("frames: expected one or more numbers, got none")
-    if list(numbers) != sorted(set(numbers)):
-        raise Error("frames: expected ascending numbers without repetition, got other numbers")
-    existing = world.frames_of(units[0].period_s)
-    if numbers[0] < 0 or numbers[-1] >= existing:
-        raise Error(f"frames: expected 0 to {existing - 1}, got {numbers[0]} to {numbers[-1]}")
-    if threads is not None and threads < 1:
-        raise Error(f"threads: expected 1 or more, got {threads}")
-    simulation.simulate(world, units, [])  # raises for presets or periods that do not fit
-    steps = set(np.diff(numbers).tolist())
-    for unit in units if len(steps) == 1 else ():
-        for text in unit.period_warnings(numbers[0], numbers[-1] + 1, *steps):
-            warnings.warn(text, FindingWarning, stacklevel=CALLER)
-    sequences = {unit.name: SimulatedFrames(world, unit, numbers, threads) for unit in units}
-    if len(sequences) < len(units):
-        raise Error("lidar: expected different LiDARs, got the same LiDAR twice")
-    for sequence in sequences.values():
-        others = {name: other for name, other in sequences.items() if other is not sequence}
-        sequence.beside = others
-    return sequences if several else next(iter(sequences.values()))
 
 
 @public()
@@ -366,17 +277,6 @@ def _loaded(
     if lidars := lidars_in(path):
         return {lidar.name: _recorded(lidar, argument) for lidar in lidars}
     return _recorded(path, argument)
-
-
-def _numbers(frames: Sequence[int]) -> tuple[int, ...]:
-    """Converts frame numbers to a tuple. Raises Error unless they are whole numbers."""
-    try:
-        numbers = tuple(operator.index(k) for k in frames)
-    except TypeError:
-        raise Error(
-            f"frames: expected whole numbers, such as range(0, 100, 10), got {frames!r:.40}"
-        ) from None
-    return numbers
 
 
 def _recorded(folder: Path, argument: str) -> RecordedFrames:

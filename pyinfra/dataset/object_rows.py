@@ -10,14 +10,21 @@ from pyinfra.core.vocabulary import OBJECT_NAMES, LabelTime
 from pyinfra.dataset.frame_tables import Vehicles, without_points
 
 BOX = ["x", "y", "z", "dx", "dy", "dz", "heading"]
-LABEL_COLUMNS = ["type", *BOX, "id", "points", "visibility"]
+LABEL_COLUMNS = ["type", *BOX, "id", "points", "visibility", "vx", "vy"]
 
 
 def table_of(vehicles: Vehicles) -> pd.DataFrame:
     """Converts objects to a table with the columns LABEL_COLUMNS."""
     table = pd.DataFrame({"type": vehicles.names.astype(object)})
     table[BOX] = vehicles.boxes
-    return table.assign(id=vehicles.ids, points=vehicles.points, visibility=vehicles.visibility)
+    speed, heading = vehicles.speed, vehicles.boxes[:, 6]
+    return table.assign(
+        id=vehicles.ids,
+        points=vehicles.points,
+        visibility=vehicles.visibility,
+        vx=speed * np.cos(heading),
+        vy=speed * np.sin(heading),
+    )
 
 
 def vehicles_of(rows: AnyArray, frame: int, label_time: LabelTime) -> Vehicles:
@@ -32,6 +39,7 @@ def vehicles_of(rows: AnyArray, frame: int, label_time: LabelTime) -> Vehicles:
         mid_frame=np.stack([rows[name] for name in BOX], axis=1).reshape(-1, 7),
         points=rows["points"].astype(np.int64),
         visibility=rows["visibility"].astype(np.float64),
+        speed=rows["speed"].astype(np.float64),
     )
 
 

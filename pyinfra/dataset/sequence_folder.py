@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
-from pyinfra.core.arrays import AnyArray
+from pyinfra.core.arrays import AnyArray, Records
+from pyinfra.core.errors import Error
 from pyinfra.core.files import write
-from pyinfra.dataset.frame_sequence import SimulatedFrames
+from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
 from pyinfra.dataset.object_rows import type_names
 from pyinfra.dataset.outlines import OUTLINES_FILE
 from pyinfra.formats import kitti
@@ -45,9 +49,33 @@ def write_folder(frames: SimulatedFrames, data_set: Path, *, fields: bool = True
             frame.points,
             labels,
             objects=objects,
-            fields=frame.fields if fields else None,
+            fields=of_kitti(frame.fields) if fields else None,
         )
     return lidar_folder
+
+
+def of_kitti(fields: Records | None) -> Records | None:
+    """Returns the columns of fields (n,) that the layout has; fused frames have another one."""
+    columns = list(kitti.FIELDS.names or ())
+    return None if fields is None else fields[columns].astype(kitti.FIELDS)
+
+
+@contextmanager
+def on_disk(frames: FrameSequence, near: Path | None = None) -> Iterator[Path]:
+    """Context manager that gives the LiDAR's folder of a sequence.
+
+    Simulated frames are written to a temporary folder in `near`, by default that of the system.
+    Raises Error for clouds of arrays.
+    """
+    if isinstance(frames, RecordedFrames):
+        yield frames.folder
+    elif isinstance(frames, SimulatedFrames):
+        with tempfile.TemporaryDirectory(dir=near, prefix=".simulated_") as folder:
+            data_set = Path(folder) / (frames.scene or "frames")
+            data_set.mkdir()
+            yield write_folder(frames, data_set)
+    else:
+        raise Error("frames: expected frames of simulate or load_dataset, got another sequence")
 
 
 def objects_of(rows: AnyArray) -> kitti.Objects:

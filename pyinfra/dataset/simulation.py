@@ -71,6 +71,7 @@ __all__ = [
     "points",
     "scan_pattern",
     "simulate",
+    "with_mount",
 ]
 
 Made = TypeVar("Made", World, Lidar)
@@ -163,6 +164,18 @@ def make_world(scene: Mapping[str, object], *, preset: str = "datasheet", mount:
     """
     text = yaml.dump(dict(scene), Dumper=_DUMPER, sort_keys=False, default_flow_style=None)
     make = partial(World.of_text, text, str(scene.get("name", "scene")), preset, mount)
+    return _remembered(make(), make)
+
+
+def recipe_of(world: World) -> Any:
+    """Returns the call that made a world, with the file or text of its scene as first argument."""
+    return _RECIPES[world]
+
+
+def with_mount(world: World, mount: str) -> World:
+    """Returns a world that load_scene or make_world made, at another mount of its scene."""
+    recipe = recipe_of(world)
+    make: Callable[[], World] = partial(recipe.func, *recipe.args[:-1], mount)
     return _remembered(make(), make)
 
 

@@ -21,7 +21,6 @@ from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.data_set import DataSet, read_data_set
 from pyinfra.dataset.trajectories import existing, read_rows
 from pyinfra.formats.csv_table import number_text
-from pyinfra.formats.kitti import RECORDED
 from pyinfra.metrics import scanning_tables as statistics_tables
 from pyinfra.metrics.intervals import Blocks
 from pyinfra.metrics.observations import (
@@ -109,9 +108,9 @@ def data_set_tables(
 ) -> Tables:
     """Returns all tables of one data set except the tables of scan patterns.
 
-    The first columns of each table identify the data set. A recording without trajectories has no
-    table of speeds. accumulate: number of consecutive frames that are merged into one. Raises Error
-    if there are not that many consecutive frames.
+    The first columns of each table identify the data set. Without trajectories.csv, there
+    is no table of speeds. accumulate: number of consecutive frames that are merged into one. Raises
+    Error if there are not that many consecutive frames.
     """
     ends = ends_of_runs(data.frames, accumulate)
     blocks = blocks_of(data, vehicles, ends)
@@ -125,7 +124,7 @@ def data_set_tables(
         last = np.array(data.frames)[accumulate - 1 :]
         counts[lidar.name] = run_returns[np.isin(last, ends)]
     tables["hit_points"] = statistics_tables.hit_points(counts, blocks)
-    if data.preset != RECORDED or (data.folder / "trajectories.csv").is_file():
+    if (data.folder / "trajectories.csv").is_file():
         tables["speed"] = speed_table(data)
     named = {name: described(data, rows, above_road) for name, rows in tables.items()}
     if accumulate == 1:

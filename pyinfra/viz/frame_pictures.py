@@ -3,10 +3,31 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from pyinfra.core.errors import Error
+from pyinfra.dataset.frames import lidar_folders
 from pyinfra.formats import kitti
+from pyinfra.viz import clouds
 from pyinfra.viz import cutouts as cutout_figures
 from pyinfra.viz import scene_pictures as scene_figures
 from pyinfra.viz.picture_style import save
+
+
+def draw_pictures(data: Sequence[Path], frame: int | None, out: Path) -> list[Path]:
+    """Writes all pictures of one frame of data sets, and returns the files.
+
+    frame: by default the first of the first data set. Raises Error for a frame that a data set does
+    not have.
+    """
+    data_sets = [lidar_folders(folder) for folder in data]
+    for folders in data_sets:
+        existing = kitti.frames(folders[0])
+        if frame is None:
+            frame = next(iter(existing), 0)
+        if frame not in existing:
+            problem = f"{folders[0]}: frame: expected {kitti.extent(existing)}"
+            raise Error(f"{problem}, got {frame}")
+    files = clouds.draw_frames(data_sets, frame or 0, out)
+    return files + draw_scenes(data_sets, frame or 0, out)
 
 
 def draw_scenes(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> list[Path]:

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+import yaml
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.boxes import footprints
+from pyinfra.core.files import replacing, write
+from pyinfra.core.progress import track
+from pyinfra.scenes.generator.generate import make_site
 from pyinfra.scenes.generator.layout import Keys, PlannedRoad
 from pyinfra.viz.picture_style import STYLE
 
+SHEET = "sheet.png"
+MOST_ON_A_SHEET = 48
+DPI = 130
 HALF_M = 110.0  # half the side of the drawn square around the sensor
 COLUMNS = 6
 PANEL_INCHES = 2.3
@@ -24,6 +32,18 @@ PEOPLE = {"Pedestrian": "#CC79A7", "Cyclist": "#F0E442"}
 WALK_HALF_M = 0.5
 # half the depth of a row of parked vehicles: True for parallel parking, False for angled parking
 ROW_HALF_M = {True: 1.0, False: 2.3}
+
+
+def write_sites(out: Path, count: int, seed: int) -> list[Path]:
+    """Writes generated sites as scene files, and the sheet of the first; returns the files."""
+    out.mkdir(parents=True, exist_ok=True)
+    sites = [make_site(number) for number in track(range(seed, seed + count), "site")]
+    files = [out / f"{site['name']}.yaml" for site in sites]
+    for file, site in zip(files, sites, strict=True):
+        write(file, yaml.safe_dump(site, sort_keys=False, default_flow_style=None, width=100))
+    with replacing(out / SHEET) as beside:
+        sheet(sites[:MOST_ON_A_SHEET]).savefig(beside, format="png", dpi=DPI)
+    return [*files, out / SHEET]
 
 
 def sheet(sites: Sequence[Keys]) -> Figure:

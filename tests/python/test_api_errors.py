@@ -270,6 +270,42 @@ CALLS: dict[str, tuple[Call, str]] = {
         "name: expected a name that is not taken",
     ),
     "register_detector: type": (lambda g: pi.register_detector(3), "detector: expected a function"),
+    "split: by": (lambda g: pi.split(g.folder, "tim"), "by: .*did you mean 'time'"),
+    "validate: data": (lambda g: pi.validate(g.empty), "data: "),
+    "trust: predictions": (lambda g: pi.trust(g.frames, 3), "predictions: "),
+    "statistics: accumulate": (
+        lambda g: pi.statistics(g.frames, accumulate=0),
+        "accumulate: expected 1 to 100, got 0",
+    ),
+    "propose_region: out": (
+        lambda g: pi.propose_region(g.frames, "outline.txt"),
+        "out: expected a .yaml file",
+    ),
+    "export_onnx: model": (lambda g: pi.export_onnx(g.empty, "m.onnx"), "model: "),
+    "view: lidars": (
+        lambda g: pi.view(g.frames, g.folder / "v.html", lidars=["x"]),
+        "lidar: expected one of helios_16",
+    ),
+    "view: frames": (
+        lambda g: pi.view(g.frames, g.folder / "v.html", frames=99),
+        "got no frame of",
+    ),
+    "pictures: frame": (
+        lambda g: pi.pictures(g.frames, g.folder / "p", frame=99),
+        "frame: expected",
+    ),
+    "report: results": (lambda g: pi.report(g.empty, g.folder / "r.html"), "expected a table"),
+    "make_sites: count": (lambda g: pi.make_sites(g.empty, 0), "count: expected 1 or more"),
+    "simulate_traffic: site": (lambda g: pi.simulate_traffic(g.empty), "site.yaml"),
+    "import_trajectories: classes": (
+        lambda g: pi.import_trajectories(g.file, g.empty, classes={"a": "Carr"}),
+        "classes: .*did you mean 'Car'",
+    ),
+    "import_mesh: material": (
+        lambda g: pi.import_mesh("a.glb", g.empty, material="strcture"),
+        "material: .*did you mean 'structure'",
+    ),
+    "draw_site: site": (lambda g: pi.draw_site(g.empty, g.folder / "p.svg"), "site: "),
     "export: format": (
         lambda g: pi.export(g.frames, "opnpcdet", g.folder / "e"),
         "format: .*did you mean",

@@ -10,7 +10,8 @@ import pytest
 
 from pyinfra.core.errors import ConfigError, Error
 from pyinfra.dataset.frame_sequence import FrameSequence
-from pyinfra.dataset.loading import load_scene, simulate
+from pyinfra.dataset.loading import load_scene
+from pyinfra.dataset.simulated import simulate
 from pyinfra.metrics.evaluate import evaluate
 from pyinfra.models.detectors import Detections
 from pyinfra.models.detectors.centerpoint_config import Config

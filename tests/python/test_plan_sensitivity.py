@@ -11,6 +11,7 @@ import yaml
 import pyinfra as pi
 from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.fused import fused
 from pyinfra.experiments.planner import answer
 from pyinfra.experiments.planner import detectability as laws
 from pyinfra.experiments.planner.answer import meets, nearest
@@ -18,7 +19,6 @@ from pyinfra.experiments.planner.check import YawError
 from pyinfra.experiments.planner.choice import Choice, Units
 from pyinfra.experiments.planner.costs import read_costs
 from pyinfra.experiments.planner.decide import PRICES, Move, in_order, with_prices
-from pyinfra.experiments.planner.fused import fused
 from pyinfra.experiments.planner.lidars import open_lidars
 from pyinfra.experiments.planner.measure import frames_at
 from pyinfra.experiments.planner.predict import UNKNOWN, Prediction

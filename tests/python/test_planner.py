@@ -13,6 +13,7 @@ import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.fused import fused
 from pyinfra.dataset.roads import Road
 from pyinfra.experiments.planner import detectability as laws
 from pyinfra.experiments.planner.areas import crossings_of, of_name, read_areas
@@ -25,7 +26,6 @@ from pyinfra.experiments.planner.candidates import (
 from pyinfra.experiments.planner.choice import Units, greedy, pairs, singles, upper_bound
 from pyinfra.experiments.planner.costs import read_costs
 from pyinfra.experiments.planner.decide import considered
-from pyinfra.experiments.planner.fused import fused
 from pyinfra.experiments.planner.lidars import open_lidars
 from pyinfra.experiments.planner.measure import frames_at
 from pyinfra.experiments.planner.observe import observe

@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 import pyinfra as pi
+from pyinfra.dataset.runs import infrasim
 
+ROOT = Path(__file__).resolve().parents[2]
 SHORT = {"duration_s": 6, "traffic.warm_up_s": 20}
 
 
@@ -27,8 +30,6 @@ def test_names_are_listed() -> None:
 
 
 def test_scenes_and_lidars_are_dicts(tmp_path: Path) -> None:
-    import yaml
-
     from pyinfra.dataset.catalogue import lidar_file, scene_file
 
     lidar = yaml.safe_load(lidar_file("helios_16").read_text())
@@ -168,3 +169,66 @@ WRONG = {
 def test_wrong_arguments_are_errors_of_the_package(frames: pi.FrameSequence, message: str) -> None:
     with pytest.raises(pi.Error, match=message):
         WRONG[message](frames)
+
+
+# --- several poles, velocities --------------------------------------------------------------------
+
+
+def test_frames_of_several_poles_are_those_of_the_simulator(tmp_path: Path) -> None:
+    """The points, and the pole of each, are those of `infrasim run --fuse`, with wrong poses."""
+    keys = yaml.safe_load((ROOT / "configs/scenes/crossroad_poles.yaml").read_text())
+    keys["mounts"]["west"]["calibration_error"] = {"x_m": 0.3, "pitch_deg": 0.5}
+    keys["mounts"]["east"] |= {"calibration_error": {"yaw_deg": 1.0, "y_m": 0.2, "roll_deg": 0.3}}
+    keys["mounts"] = {name: keys["mounts"][name] for name in ("west", "east")}
+    (tmp_path / "poles.yaml").write_text(yaml.safe_dump(keys, sort_keys=False))
+    file, out = tmp_path / "poles.yaml", tmp_path / "out"
+    infrasim(
+        *("run", file, "--lidar", ROOT / "configs/lidars/helios_16.yaml", "--fuse", "--fields"),
+        *("--frames", "0:1", "--out", str(out)),
+    )
+    frames = pi.simulate(file, "helios_16", [0], mount=["west", "east"], fuse=True)
+    written = pi.load_dataset(out / "fused")["helios_16"]
+    np.testing.assert_allclose(frames[0].points, written[0].points, atol=2e-5)
+    mounts = np.fromfile(out / "fused/helios_16/training/mounts/000000.bin", np.uint16)
+    np.testing.assert_array_equal(frames[0].fields["mount"], mounts)
+    labels = frames.labels.set_index("id").points
+    assert labels.to_dict() == written.labels.set_index("id").points.to_dict()
+    alone = pi.simulate(file, "helios_16", [0], mount=["west", "east"])
+    assert {name: len(one[0].points) for name, one in alone.items()} == {
+        "west": int((mounts == 0).sum()),
+        "east": int((mounts == 1).sum()),
+    }
+
+
+def test_labels_have_velocities(frames: pi.FrameSequence, tmp_path: Path) -> None:
+    labels = frames.labels
+    one, two = (labels[labels.frame == k].set_index("id") for k in (0, 6))
+    both = one.index.intersection(two.index)
+    moved = (two.loc[both, ["x", "y"]] - one.loc[both, ["x", "y"]]).to_numpy() / 0.6
+    np.testing.assert_allclose(one.loc[both, ["vx", "vy"]], moved, atol=1.0)
+    saved = pi.load_dataset(frames.save(tmp_path / "b/data"))["helios_16"]
+    np.testing.assert_allclose(saved.labels.vx, labels.vx, atol=1e-3)
+    recorded = pi.import_recording(frames.save(tmp_path / "a/pcd", "pcd"), "pcd", tmp_path / "in/p")
+    assert recorded.labels.vx.isna().all()
+    assert len(recorded.labels)
+
+
+# --- what the commands do -------------------------------------------------------------------------
+
+
+def test_a_data_set_is_divided_checked_described_and_drawn(
+    frames: pi.FrameSequence, tmp_path: Path
+) -> None:
+    data = frames.save(tmp_path / "highway")
+    parts = pi.split(data, train_until_s=3, val_from_s=3)
+    assert parts[["train", "val"]].values.tolist() == [[5, 5]]
+    assert set(pi.validate(data).columns) == {"level", "name", "text"}
+    found = pi.Detections(frames.labels.assign(score=1.0)).save(tmp_path / "found", frames.numbers)
+    assert not (pi.validate(frames, found).level == "error").any()
+    assert len(pi.trust(frames, found)) > 1
+    tables = pi.statistics(data, tmp_path / "statistics")
+    assert (tmp_path / "statistics/points_per_vehicle.csv").is_file()
+    assert len(tables["points_per_vehicle"])
+    page = pi.view(data, tmp_path / "view.html", frames="0:12:6", predictions=found)
+    assert page.read_bytes().startswith(b"<!doctype html")
+    assert all(file.is_file() for file in pi.pictures(data, tmp_path / "pictures"))

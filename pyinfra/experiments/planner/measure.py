@@ -14,8 +14,8 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.dataset import simulation
 from pyinfra.dataset.frame_sequence import SimulatedFrames
+from pyinfra.dataset.fused import fused
 from pyinfra.experiments.planner.candidates import POSE
-from pyinfra.experiments.planner.fused import fused
 from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.metrics.evaluate import evaluated
 from pyinfra.metrics.evaluation_result import Evaluation

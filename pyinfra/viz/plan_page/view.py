@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pyinfra.dataset.fused import fused
 from pyinfra.dataset.surroundings import surroundings_of
 from pyinfra.experiments.planner.check import units_at
-from pyinfra.experiments.planner.fused import fused
 from pyinfra.experiments.planner.measure import frames_at
 from pyinfra.experiments.planner.plan import Plan
 from pyinfra.formats.yaml_file import parse_yaml

@@ -47,8 +47,10 @@ def chosen_folders(data: Sequence[Path], lidars: Sequence[str] | None) -> list[P
     return [folder for folder in folders if folder.name in lidars]
 
 
-def chosen_frames(folder: Path, words: str | None, predictions: Path | None = None) -> list[int]:
-    """Returns the frames of a folder that `words` selects: A, A:B or A:B:STEP.
+def chosen_frames(
+    folder: Path, words: str | Sequence[int] | None, predictions: Path | None = None
+) -> list[int]:
+    """Returns the frames of a folder that `words` selects: numbers, or A, A:B or A:B:STEP.
 
     If `words` is None, the result is the first frame, or the first frame with a file in
     `predictions`. Raises Error if `words` has another form, or selects no frame of the folder.
@@ -58,8 +60,8 @@ def chosen_frames(folder: Path, words: str | None, predictions: Path | None = No
         stems = {file.stem for file in predictions.iterdir()} if predictions else set()
         return [frame for frame in present if f"{frame:06d}" in stems][:1] or present[:1]
     try:
-        numbers = [int(word) for word in words.split(":")]
-        wanted = range(numbers[0], numbers[0] + 1) if len(numbers) == 1 else range(*numbers)
+        numbers = [int(word) for word in words.split(":")] if isinstance(words, str) else words
+        wanted = range(*numbers) if isinstance(words, str) and len(numbers) > 1 else numbers
     except (TypeError, ValueError):
         raise Error(f"frames: expected A:B or A:B:STEP, got '{words}'") from None
     chosen = [frame for frame in present if frame in wanted]

@@ -5,27 +5,37 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import yaml
 
 from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray, Records
+from pyinfra.dataset import simulation
 from pyinfra.dataset.frame_sequence import SimulatedFrames
+from pyinfra.dataset.loading import with_overrides
 from pyinfra.dataset.world_frame import rotation, to_levelled, to_world
 from pyinfra.formats.kitti import WorldPose
+from pyinfra.formats.yaml_file import read_keys
 
 AT_TIMES = ("", "scan_")  # prefixes of the columns of an object's poses
 
 
-@dataclass(eq=False)
+PoseError = tuple[FloatArray, FloatArray]  # rotation (3, 3) and shift (3,) of a LiDAR's points
+
+
+@dataclass(eq=False, repr=False)
 class FusedFrames(SimulatedFrames):
     """The frames of a LiDAR with the points of others added, in the levelled frame of the first.
 
-    Clocks are exact. The points of each LiDAR are turned about it by an error of its yaw, which is
-    0 by default. The label of an object is that of the LiDAR with most points on it.
+    Clocks are exact. The points of each LiDAR are moved by an error of its assumed pose. The label
+    of an object is that of the LiDAR with most points on it. `fields` has the column `mount`: the
+    index of the LiDAR of each point.
     """
 
     others: tuple[SimulatedFrames, ...] = field(default=())
-    yaw_errors_deg: tuple[float, ...] = ()  # assumed yaw minus true yaw of each LiDAR; () for none
+    errors: tuple[PoseError | None, ...] = ()  # of each LiDAR; () for none
 
     def of(self, numbers: Sequence[int]) -> FusedFrames:
         return replace(
@@ -35,15 +45,15 @@ class FusedFrames(SimulatedFrames):
     def _cast(self, numbers: Sequence[int]) -> Iterator[tuple[int, tuple[Float32Array, Records]]]:
         pose = self.lidar.T_world_levelled
         streams = [super()._cast(numbers), *(one._cast(numbers) for one in self.others)]
-        errors_deg = self.yaw_errors_deg or (0.0,) * len(streams)
+        errors = self.errors or (None,) * len(streams)
         for casts in zip(*streams, strict=True):
             (number, (points, fields)), rows = casts[0], [self.rows[casts[0][0]]]
-            clouds, every_field = [turned_points(points, errors_deg[0])], [fields]
-            others = zip(self.others, casts[1:], errors_deg[1:], strict=True)
-            for one, (_, (more, more_fields)), error_deg in others:
-                more = turned_points(more, error_deg)
+            clouds, every_field = [with_error(points, errors[0])], [with_mount(fields, 0)]
+            others = zip(self.others, casts[1:], errors[1:], strict=True)
+            for i, (one, (_, (more, more_fields)), error) in enumerate(others, 1):
+                more = with_error(more, error)
                 clouds.append(moved_points(more, one.lidar.T_world_levelled, pose))
-                every_field.append(more_fields)
+                every_field.append(with_mount(more_fields, i))
                 rows.append(moved_rows(one.rows[number], one.lidar.T_world_levelled, pose))
             cloud = np.concatenate(clouds), np.concatenate(every_field)
             self.rows[number], self.clouds[number] = merged_rows(rows), cloud
@@ -52,17 +62,23 @@ class FusedFrames(SimulatedFrames):
             yield number, cloud
 
 
-def fused(sequences: Sequence[SimulatedFrames], yaw_error_deg: float = 0.0) -> SimulatedFrames:
+def fused(
+    sequences: Sequence[SimulatedFrames],
+    yaw_error_deg: float = 0.0,
+    errors: Sequence[PoseError | None] = (),
+) -> SimulatedFrames:
     """Returns one sequence whose frames have the points of all sequences.
 
-    A single sequence without a yaw error is returned unchanged.
+    A single sequence without errors is returned unchanged.
 
     yaw_error_deg: error of the assumed yaw of each LiDAR, alternately to the left and to the right.
+    errors: errors of the assumed poses, in place of it.
     """
     first, *others = sequences
-    if not others and not yaw_error_deg:
+    if yaw_error_deg:
+        errors = [yaw_error(yaw_error_deg * (-1) ** k) for k in range(len(sequences))]
+    if not others and not any(errors):
         return first
-    errors_deg = tuple(yaw_error_deg * (-1) ** k for k in range(len(sequences)))
     one = FusedFrames(
         first.world,
         first.unit,
@@ -70,10 +86,56 @@ def fused(sequences: Sequence[SimulatedFrames], yaw_error_deg: float = 0.0) -> S
         first.threads,
         first.kept,
         others=tuple(others),
-        yaw_errors_deg=errors_deg,
+        errors=tuple(errors),
     )
     one.roads = first.roads
     return one
+
+
+def yaw_error(yaw_deg: float) -> PoseError:
+    return rotation(yaw=math.radians(yaw_deg)), np.zeros(3)
+
+
+def keys_of(world: simulation.World) -> dict[str, Any]:
+    """Returns the keys of a world's scene as they were given, with all mounts and overrides."""
+    recipe = simulation.recipe_of(world)
+    source, is_file = recipe.args[0], recipe.func is simulation.World
+    keys = read_keys(Path(source)) if is_file else yaml.safe_load(source)
+    pairs = (text.partition("=")[::2] for text in (recipe.args[1] if is_file else ()))
+    return with_overrides(keys, {name: yaml.safe_load(value) for name, value in pairs})
+
+
+def error_of(world: simulation.World, name: str) -> PoseError | None:
+    """Returns the error of the assumed pose of a mount with `calibration_error`; None without.
+
+    A wrong tilt gives a wrong levelled frame: the true tilt is removed, and the assumed is applied.
+    """
+    mount = keys_of(world)["mounts"][name]
+    error = mount.get("calibration_error")
+    if not error:
+        return None
+    yaw, pitch, roll = (math.radians(mount.get(f"{n}_deg", 0)) for n in ("yaw", "pitch", "roll"))
+    turn, up, side = (math.radians(error.get(f"{n}_deg", 0)) for n in ("yaw", "pitch", "roll"))
+    tilted = rotation(turn, pitch + up, roll + side) @ rotation(0, pitch, roll).T
+    shift = np.array([error.get(f"{axis}_m", 0.0) for axis in "xyz"])
+    return tilted, rotation(yaw).T @ shift
+
+
+def with_error(points: Float32Array, error: PoseError | None) -> Float32Array:
+    """Returns points (n, 4) as they are with a wrong pose of their LiDAR."""
+    if error is None:
+        return points
+    xyz = points[:, :3].astype(np.float64) @ error[0].T + error[1]
+    return np.column_stack([xyz.astype(np.float32), points[:, 3:]])
+
+
+def with_mount(fields: Records, mount: int) -> Records:
+    """Returns fields (n,) with the column `mount`."""
+    out = np.empty(len(fields), [*fields.dtype.descr, ("mount", "<u2")])
+    for name in fields.dtype.names or ():
+        out[name] = fields[name]
+    out["mount"] = mount
+    return out
 
 
 def moved_points(points: Float32Array, pose: WorldPose, to: WorldPose) -> Float32Array:
@@ -81,16 +143,6 @@ def moved_points(points: Float32Array, pose: WorldPose, to: WorldPose) -> Float3
     out = points.copy()
     out[:, :2] = to_levelled(to_world(points[:, :2].astype(np.float64), pose), to)
     out[:, 2] += np.float32(pose.z - to.z)
-    return out
-
-
-def turned_points(points: Float32Array, yaw_deg: float) -> Float32Array:
-    """Turns points (n, 4) to the left about the vertical axis of the LiDAR."""
-    if not yaw_deg:
-        return points
-    out = points.copy()
-    turn = rotation(yaw=math.radians(yaw_deg))[:2, :2]
-    out[:, :2] = points[:, :2].astype(np.float64) @ turn.T
     return out
 
 
