@@ -10,8 +10,9 @@ from pyinfra.folders import export_onnx
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Exports a dense detector, from points to boxes, as one ONNX file. z of points and boxes "
-        "is the height above the road, and scores are not calibrated."
+        "Exports a dense detector, from points to boxes, as one ONNX file that includes the "
+        "suppression of overlapping boxes. z of points and boxes is the height above the road, "
+        "and scores are not calibrated."
     )
     parser.epilog = "example: pyinfra onnx runs/pillars --out pillars.onnx"
     parser.add_argument("model", metavar="RUN", type=Path, help="output folder of `pyinfra train`")

@@ -102,7 +102,7 @@ def simulate(
     (2, 10, 4)
     >>> poles = ["west", "east"]
     >>> both = pi.simulate("crossroad_poles", "helios_16", range(1), mount=poles, fuse=True)
-    >>> sorted(set(both[0].fields["mount"]))
+    >>> sorted(set(both[0].fields["mount"].tolist()))
     [0, 1]
     """
     from pyinfra.dataset import simulation

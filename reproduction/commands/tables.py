@@ -78,6 +78,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "places": sites.places,
     "pole errors": sites.pole_errors,
     "detector latency": networks.detector_latency,
+    "onnx files": networks.onnx_files,
     "generalist": networks.generalist,
     "compared with site-trained detectors": networks.compared_with_site_trained,
     "stress": stress.stress,

@@ -201,3 +201,17 @@ def detector_latency() -> str:
         rows.append([scene.partition("_")[0], title, points, *whole, *parts])
     heads = ["PyTorch", "one thread", "two threads", *PARTS]
     return markdown(["scene", "LiDAR", "1,000 points", *heads], rows)
+
+
+def onnx_files() -> str:
+    """Returns a table of AP and time of detectors and of their ONNX files."""
+    rows = []
+    for (lidar, detector), group in results("onnx_files").groupby(
+        ["lidar", "detector"], sort=False
+    ):
+        by = group.set_index("engine")
+        ap = [f"{by.ap_r1000[name]:.1f}" for name in ("pytorch", "file", "without suppression")]
+        ms = [f"{by.ms_p50['pytorch']:.0f}", f"{by.ms_p50['file']:.0f}"]
+        rows.append([detector, LIDARS[lidar], *ap, *ms, f"{by.ms_more_p50['file']:.1f}"])
+    heads = ["AP", "AP of the file", "without suppression", "ms", "ms of the file"]
+    return markdown(["detector", "LiDAR", *heads, "of which suppression"], rows)
