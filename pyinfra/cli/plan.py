@@ -19,8 +19,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Chooses the positions, heights, number and models of LiDARs at a site, within a budget. "
         "Predicts the share of vehicles that a detector detects, and simulates the best options in "
-        "full. Writes plan.html, view.html, answer.txt and the tables options.csv, front.csv, "
-        "candidates.csv and sensitivity.csv. Run the same command again to resume."
+        "full. Writes plan.html, view.html, answer.txt, notes.txt and the tables options.csv, "
+        "front.csv, candidates.csv and sensitivity.csv. Run the same command again to resume."
     )
     parser.epilog = (
         "example: pyinfra plan crossroad --budget 9000 --find 0.9 --within 60 --out out/plan"
@@ -157,6 +157,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="number of frames in which the best options are simulated in full; 0: no simulation; "
         "default: 30",
     )
+    parser.add_argument(
+        "--what-if",
+        action="store_true",
+        help="also simulate option 1 with a mast 2 m further or 0.5 m lower, half a degree of "
+        "pitch or yaw, twice the traffic, rain, night and a lost LiDAR, in the same frames",
+    )
     parser.add_argument("--jobs", type=int, default=1, help="number of threads; default: 1")
 
 
@@ -187,6 +193,7 @@ def run(args: argparse.Namespace) -> int:
         seed=args.seed,
         frames=args.frames,
         check_frames=args.check_frames,
+        what_if=args.what_if,
         out=args.out,
         jobs=args.jobs,
         progress=lambda line: note(line, args),

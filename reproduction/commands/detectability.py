@@ -30,7 +30,7 @@ from pyinfra.core.errors import Error
 from pyinfra.core.version import machine
 from pyinfra.dataset import simulation
 from pyinfra.experiments.planner import detectability as laws
-from reproduction import add_out, provenance, work_folder
+from reproduction import ROOT, add_out, provenance, work_folder
 from reproduction.detectability import check
 from reproduction.detectability.runs import (
     DETECTORS,
@@ -126,10 +126,19 @@ def main() -> None:
         action="store_true",
         help="only measure the detectors' time per frame again, and keep the fit",
     )
+    parser.add_argument(
+        "--only-errors",
+        action="store_true",
+        help="only compute the errors at unseen sites again, from the recorded tables",
+    )
     add_out(parser, "detectability.csv")
     args = parser.parse_args()
     warnings.simplefilter("ignore")
     args.work.mkdir(parents=True, exist_ok=True)
+    if args.only_errors:
+        plain = json.loads(laws.FILE.read_text(encoding="utf-8"))
+        write(args.out, with_errors(plain, pd.read_csv(ROOT / "results/detectability.csv")))
+        return
     if args.only_latency:
         plain = json.loads(laws.FILE.read_text(encoding="utf-8"))
         first = next(iter(fit_runs(1)))
@@ -143,15 +152,29 @@ def main() -> None:
         return
     if fitted:
         plain = fit_all(fitted, args.frames, args.work)
-        write(args.out, plain)
     else:
         plain = json.loads(laws.FILE.read_text(encoding="utf-8"))
     made_by = provenance(
         f"detectability --fit {args.fit} --check {args.check} --frames {args.frames}"
     )
-    for suffix, table in check_tables(checked, plain, args.frames, args.work).items():
+    tables = check_tables(checked, plain, args.frames, args.work)
+    if fitted:
+        write(args.out, with_errors(plain, tables[""]))
+    for suffix, table in tables.items():
         file = args.out.with_name(f"{args.out.stem}{suffix}.csv")
         table.assign(**made_by).to_csv(file, index=False, float_format="%.4g")
+
+
+def with_errors(plain: dict[str, dict[str, Any]], table: pd.DataFrame) -> dict[str, dict[str, Any]]:
+    """Returns the content of the file of the laws with the errors at unseen sites.
+
+    table: rows of `check.check_table`. The gains by fine-tuning are those of `fairness.csv`.
+    """
+    for detector, law in plain.items():
+        law["unseen_std"] = check.unseen_std(table[table.detector == detector])
+    gains = check.fine_tuning_ap(pd.read_csv(ROOT / "results/fairness.csv"))
+    plain["generalist"]["fine_tuning_ap"] = gains
+    return plain
 
 
 def fit_all(runs: list[Run], frames: int, work: Path) -> dict[str, dict[str, Any]]:

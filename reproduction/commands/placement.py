@@ -31,11 +31,10 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.experiments import store as rows_store
 from pyinfra.experiments.planner.candidates import POSE, PoseGrid
-from pyinfra.experiments.planner.check import figures
+from pyinfra.experiments.planner.check import simulate_option, standing
 from pyinfra.experiments.planner.costs import read_costs
 from pyinfra.experiments.planner.detectability import CUT, read_detectability
 from pyinfra.experiments.planner.lidars import open_lidars
-from pyinfra.experiments.planner.measure import measure
 from pyinfra.experiments.planner.plan import plan
 from pyinfra.metrics.comparison import over_replicates
 from reproduction import add_out, provenance, work_folder
@@ -163,7 +162,7 @@ def units_rows(
     if all(rows_store.has_each(rows_store.read(out), keys)):
         return
     file = scene_file_of(seed, work)
-    site, other = site_of(seed, frames, work), site_of(seed, frames, work, traffic=1)
+    site = site_of(seed, frames, work)
     costs = read_costs(None, YEARS, read_detectability(DETECTOR))
     units = {one.name: one for one in open_lidars([WIDE, NARROW], site)}
     budget = costs.price([units[WIDE]], 1, 1).middle
@@ -180,13 +179,11 @@ def units_rows(
             frames=PLAN_FRAMES,
             check_frames=0,
         )
-        options = result.options.sort_values(
-            ["recall_in_choice", "price_usd"], ascending=[False, True]
-        )
+        options = result.options.sort_values(["recall", "price_usd"], ascending=[False, True])
         best = options[options.option == options.option.iloc[0]]
         parts = [(row.to_list(), units[lidar].unit) for _, row in best[POSE].iterrows()]
-        simulated = measure(other, parts, other.frames, DETECTOR)
-        measured = figures(simulated, site.centre, WITHIN_M, CUT)
+        found = simulate_option(site, parts, DETECTOR, CUT, frames)
+        measured = standing(found, {}, site, result.request)
         first = best.iloc[0]
         rows.append(
             {
@@ -198,10 +195,10 @@ def units_rows(
                 "price_usd": first.price_usd,
                 "budget_usd": budget,
                 "recall_predicted": first.recall,
-                "recall_measured": measured.recall,
+                "recall_measured": 100 * measured.recall.value,
                 "ap_predicted": first.ap_predicted,
-                "ap_measured": measured.ap,
-                "false_per_frame": measured.false_per_frame,
+                "ap_measured": measured.ap.value,
+                "false_per_frame": measured.false_per_frame.value,
             }
         )
     table = pd.DataFrame(rows).assign(**made_by)

@@ -32,9 +32,12 @@ from reproduction.detectability.runs import (
 )
 
 GROUP = ["site", "lidar"]
+PEOPLE_STD = 0.045  # root mean square error of the shares of people in results/plans.csv
 PREDICTORS = ("ap_predicted", "ten_points_percent", "coverage_percent", "information_bits")
 REPLICATES = 2000
 BINS = 10
+MEASURED_FRAMES = 30  # frames of a run
+LEAST_BOXES = 9  # false boxes of a pose, below which their rate says little
 
 
 def predicted(outcome: Outcome, law: laws.Law) -> dict[str, float]:
@@ -111,6 +114,39 @@ def check_table(
                 }
             )
     return pd.DataFrame(rows)
+
+
+def unseen_std(table: pd.DataFrame) -> dict[str, float]:
+    """Returns the fields of `UnseenErrors` for the rows of one detector of `check_table`.
+
+    The mean of a pose over its traffic seeds is compared with its prediction. The noise of the
+    measured and of the predicted frames is that of the seeds of a pose, and is subtracted.
+    """
+
+    def std(measured: pd.Series, predicted: pd.Series) -> float:
+        groups = (measured - predicted).groupby([table.site, table.lidar, table.pose])
+        noise = groups.var(ddof=1).mean() * (1 + 1 / groups.size().mean())
+        return math.sqrt(max(0.0, float((groups.mean() ** 2).mean() - noise)))
+
+    poses = table.groupby(["site", "lidar", "pose"])
+    boxes = MEASURED_FRAMES * poses.false_measured.sum()
+    ratio = np.log(poses.false_measured.mean() / poses.false_predicted.mean())
+    ratio, boxes = ratio[boxes >= LEAST_BOXES], boxes[boxes >= LEAST_BOXES]
+    log_false = math.sqrt(max(0.0, float((ratio**2).mean() - (1 / boxes).mean())))
+    return {
+        "recall": round(std(table.recall_measured, table.recall_predicted) / 100, 4),
+        "people": PEOPLE_STD,
+        "ap": round(std(table.ap_measured, table.ap_predicted), 2),
+        "log_false": round(log_false, 3),
+    }
+
+
+def fine_tuning_ap(table: pd.DataFrame) -> dict[str, float]:
+    """Returns the mean AP that 120 steps of fine-tuning add, by LiDAR, from rows of `fairness`."""
+    keys = ["lidar", "site", "preset", "seed"]
+    wide = table.groupby([*keys, "arm"]).ap_r1000.mean().unstack("arm").dropna()
+    gains = (wide.tuned_120 - wide.none).groupby("lidar").mean()
+    return {str(name): round(float(gain), 1) for name, gain in gains.items()}
 
 
 def summary(table: pd.DataFrame) -> Iterator[dict[str, object]]:

@@ -9,6 +9,7 @@ from pyinfra.experiments.planner.plan import Plan
 FEW = pi.PoseGrid(every_m=40, heights_m=(5.0,), pitches_deg=(0.0,), yaws=1)
 LIDARS = ("helios_16", "pandar_64")
 BUDGET_USD = 40_000
+SIMULATED = {"recall": 91.0, "ap": 85.0, "false_per_frame": 1.5}
 
 
 def small_plan(folder: Path) -> Plan:
@@ -28,9 +29,14 @@ def small_plan(folder: Path) -> Plan:
         check_frames=0,
         out=folder,
     )
-    options = plan.options.copy()
-    names = ("recall", "ap", "false_per_frame", "position_m")
-    first = options.option == 1
-    for name, value in zip(names, (91.0, 85.0, 1.5, 0.4), strict=True):
-        options.loc[first, f"{name}_simulated"] = value
-    return replace(plan, options=options)
+    tables = []
+    for table in (plan.options, plan.front.table):
+        some = table.copy()
+        first = some.option == 1
+        for name, value in SIMULATED.items():
+            for end, more in (("", 0), ("_low", -1), ("_high", 1)):
+                some.loc[first, f"{name}_simulated{end}"] = value + more
+        some.loc[first, "position_m_simulated"] = 0.4
+        some.loc[first, "source"] = "simulated"
+        tables.append(some)
+    return replace(plan, options=tables[0], front=replace(plan.front, table=tables[1]))

@@ -204,16 +204,18 @@ def test_frames_without_vehicles_give_no_recall(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """No vehicle is near in the rainy frames."""
-    monkeypatch.setattr("pyinfra.experiments.planner.plan.in_rain", without_traffic)
+    monkeypatch.setattr("pyinfra.experiments.planner.plan.other_traffic", without_traffic)
     result = pi.plan(folder / "small.yaml", 9000, **TINY)
     assert "nan" not in result.text
     assert not result.sensitivity.case.str.startswith("rain").any()
     assert result.options.recall_in_rain.isna().all()
 
 
-def without_traffic(site: PlanSite, frames: int) -> PlanSite:
-    site = other_traffic(site, frames)
-    return replace(site, present=site.present.assign(x=1e4))
+def without_traffic(
+    site: PlanSite, frames: int, scene_keys: dict[str, object] | None = None
+) -> PlanSite:
+    other = other_traffic(site, frames, scene_keys)
+    return replace(other, present=other.present.assign(x=1e4)) if scene_keys else other
 
 
 def test_more_poles_than_poses_give_what_is_possible(folder: Path, tmp_path: Path) -> None:

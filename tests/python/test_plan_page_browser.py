@@ -123,7 +123,7 @@ def test_every_control_moves_answer_map_and_chart_together(
     with opened(browser, file, size) as view:
         first = parts(view)
         assert shown(view) == 1
-        assert "Meets" in first["answer"]
+        assert "Met:" in first["answer"]
         page = view.page
 
         page.locator("#find").evaluate(SET, "99")

@@ -1,6 +1,7 @@
 """The planner: candidate poses, observations, race, choice, costs and the answer."""
 
 import itertools
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -232,7 +233,7 @@ def test_plan_writes_its_tables_and_resumes(tmp_path: Path) -> None:
     assert (best.price_usd <= 12_000).all()
     assert (best.recall_low <= best.recall).all()
     assert (best.recall_in_rain <= best.recall + 2).all()
-    assert "In rain of 25 mm/h" in first.text
+    assert "in rain 25 mm/h" in first.text
     assert set(first.options.groupby("option").size()) <= {1, 2}
     assert pd.read_csv(tmp_path / "candidates.csv").lidar.isin(["helios_16", "livox_avia"]).any()
     assert set(pd.read_csv(tmp_path / "candidates.csv").existing) <= {"yes", "no"}
@@ -289,11 +290,14 @@ def test_the_answer_says_what_an_engineer_asks(
     assert "90 of 100 vehicles within 60 m" in text
     assert "on an existing mast" in text
     assert "Unconfirmed costs" in text
-    assert "Option 1: finds" in text
+    assert re.search(r"1\. helios_16 at .*: finds \d+ of 100 .*, simulated;", text)
+    assert len(text.splitlines()) <= 10
     assert len((tmp_path / "out/answer.txt").read_text().splitlines()) == len(text.splitlines())
     table = pd.read_csv(tmp_path / "out/options.csv")
-    assert (table.ap_simulated >= 0).all()
-    assert (table.recall_simulated <= 100).all()
+    done = table[table.source == "simulated"]
+    assert 1 in done.option.tolist()
+    assert (done.share == done.recall_simulated).all()
+    assert done.ap_simulated.between(0, 100).all()
 
 
 def test_areas_have_their_weights_and_their_share(tmp_path: Path, site: PlanSite) -> None:

@@ -1,4 +1,7 @@
-"""The answer of a plan: tables, and sentences that are made of them."""
+"""The answer of a plan in words: at most ten lines, and notes that hold the rest.
+
+Every figure is one of the tables of the plan.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-import numpy as np
 import pandas as pd
 
 from pyinfra.dataset import simulation
@@ -15,150 +17,80 @@ from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.choice import Choice, Units, most_units
 from pyinfra.experiments.planner.costs import CORES, Costs, Range
 from pyinfra.experiments.planner.detectability import Detectability
-from pyinfra.experiments.planner.lidars import PlanLidar
-from pyinfra.experiments.planner.predict import Prediction
 from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.site import PlanSite
+from pyinfra.experiments.planner.verdict import (
+    SIMULATED,
+    Standing,
+    Verdict,
+    most_false,
+    verdict,
+)
 from pyinfra.experiments.requirements import unlike
 from pyinfra.metrics.comparison import Interval
 
 LISTED = 3  # options that are described in full
 REASONS = 4  # reasons of left-out poses that are listed
-Options = Sequence[tuple[Choice, Prediction]]
-LATER = "in the last third of the recorded traffic"
-SAME = (
-    "These shares are predicted in the frames of the choice and are too high on average, because "
-    "no other frame has traffic."
-)
-OTHER = "in traffic of another seed"
-
-
-def option_table(
-    options: Options,
-    stayed: pd.DataFrame,
-    poses: pd.DataFrame,
-    lidars: Sequence[PlanLidar],
-    units: Units,
-    in_choice: Sequence[Prediction],
-) -> pd.DataFrame:
-    """Returns a row for each unit of each option; the columns of the option are repeated.
-
-    in_choice: what each option finds in the frames of the choice.
-    """
-    rows = []
-    for number, (choice, prediction) in enumerate(options, start=1):
-        latency_ms = units.latency_ms(choice.units)
-        for k, unit in enumerate(choice.units, start=1):
-            pose = poses.iloc[int(stayed.pose[unit])]
-            rows.append(
-                {
-                    "option": number,
-                    "unit": k,
-                    **{name: pose[name] for name in POSE},
-                    "height_m": pose.height_m,
-                    "existing": bool(pose.existing),
-                    "kind": pose.kind,
-                    "lidar": lidars[int(stayed.lidar[unit])].name,
-                    "poles": len({int(units.place[u]) for u in choice.units}),
-                    "price_usd": choice.price.middle,
-                    "price_usd_low": choice.price.low,
-                    "price_usd_high": choice.price.high,
-                    **ends("recall", prediction.recall, 100),
-                    "recall_in_choice": 100 * in_choice[number - 1].recall.value,
-                    "weighted_in_choice": 100 * in_choice[number - 1].weighted,
-                    "latency_ms": latency_ms,
-                    **ends("people_recall", prediction.people, 100),
-                    **{
-                        f"recall_{name}": 100 * share.value
-                        for name, share in prediction.areas.items()
-                    },
-                    **ends("false_per_frame", prediction.false_per_frame),
-                    "score": prediction.cut,
-                    "keeps_false": prediction.keeps_false,
-                    "keeps_false_in_choice": in_choice[number - 1].keeps_false,
-                    **ends("ap_predicted", prediction.ap),
-                    "ap_simulated": math.nan,
-                    "ap_simulated_low": math.nan,
-                    "ap_simulated_high": math.nan,
-                    "recall_simulated": math.nan,
-                    "people_recall_simulated": math.nan,
-                    "false_per_frame_simulated": math.nan,
-                    "position_m_simulated": math.nan,
-                    "gap": 100 * choice.gap,
-                    "method": choice.method,
-                }
-            )
-    return pd.DataFrame(rows)
-
-
-def ends(name: str, value: Interval, factor: float = 1.0) -> dict[str, float]:
-    return {
-        name: factor * value.value,
-        f"{name}_low": factor * value.low,
-        f"{name}_high": factor * value.high,
-    }
-
-
-def candidate_table(
-    table: pd.DataFrame, pairs: pd.DataFrame, poses: pd.DataFrame, lidars: Sequence[PlanLidar]
-) -> pd.DataFrame:
-    """Returns a row for each observed pair of pose and LiDAR, and one for each pose with a fault.
-
-    `recall` is the share (percent) of the weighted objects that the pair finds, in `frames` frames.
-    """
-    columns = ["kind", "existing", *POSE, "height_m"]
-    observed = poses[columns].iloc[pairs.pose].reset_index(drop=True)
-    observed["lidar"] = [lidars[i].name for i in pairs.lidar]
-    observed["frames"], observed["recall"] = pairs.frames, 100 * pairs.recall
-    observed["left_out"] = pairs.left_out
-    order = observed.sort_values("recall", ascending=False, kind="stable")
-    faulty = table[table.fault != ""]
-    others = faulty[columns].assign(lidar="", frames=0, recall=np.nan, left_out=faulty.fault)
-    return pd.concat([part for part in (order, others) if len(part)], ignore_index=True)
+MOST_FRAMES = 2000  # frames of a simulation that is proposed
+Options = Sequence[tuple[Choice, Standing]]
 
 
 @dataclass(frozen=True)
 class Answer:
-    """The sentences of a plan."""
+    """The sentences of a plan.
 
-    meets: bool  # whether the first option finds what was asked for
+    Attributes
+    ----------
+    verdict : whether the first option meets what was asked: met, not met, or not known
+    lines : the answer, ten lines at most
+    notes : how the choice was made, and what was left out
+    """
+
+    verdict: Verdict
     lines: tuple[str, ...]
+    notes: tuple[str, ...]
 
-    @staticmethod
-    def of(
-        site: PlanSite,
-        request: Request,
-        law: Detectability,
-        costs: Costs,
-        options: Options,
-        rows: pd.DataFrame,
-        every: pd.DataFrame,
-        units: Units,
-        moved: Sequence[str],
-        *,
-        is_unseen: bool,
-    ) -> Answer:
-        """Makes the sentences.
 
-        moved: those on how the choice changes. is_unseen: whether the predictions are for frames
-        that were not used for the choice.
-        """
-        lines = [asked(site, request)]
-        if not meets(options[0], request):
-            lines.append(nearest(options, request))
-        kept = options[:LISTED]
-        lines += [
+def answer_of(
+    site: PlanSite,
+    request: Request,
+    law: Detectability,
+    costs: Costs,
+    options: Options,
+    rows: pd.DataFrame,
+    every: pd.DataFrame,
+    units: Units,
+    changes: Sequence[str],
+    frames: int,
+) -> Answer:
+    """Makes the sentences.
+
+    options: those that are listed. rows, every: the tables of options and candidates. changes: a
+    line on prices, and one on failures, rain and yaw. frames: those that were simulated.
+    """
+    lines = [
+        f"{asked(site, request)}{fairness(law, rows)}",
+        *verdict_lines(options, request, frames),
+        *(
             f"{i}. {sentence(one, rows[rows.option == i], request)}"
-            for i, one in enumerate(kept, start=1)
-        ]
-        lines.append(where_predicted(site, rows) if is_unseen else SAME)
-        lines += notes(options, rows, request, law, costs, units)
-        lines += moved
-        lines += left_out(every)
-        return Answer(meets(options[0], request), tuple(lines))
+            for i, one in enumerate(options[:LISTED], start=1)
+        ),
+        *changes,
+        " ".join(doubts(options, request, law, costs, units)),
+    ]
+    notes = [
+        "The shares are those of an hour of other traffic at this site. Their intervals contain "
+        "the traffic, the frames and, where they are predicted, the error at unseen sites; not the "
+        "difference between simulation and reality.",
+        *how_chosen(options, rows, request, units),
+        *left_out(every),
+    ]
+    first = verdict(options[0][1], request)
+    return Answer(first, tuple(line for line in lines if line), tuple(notes))
 
 
 def asked(site: PlanSite, request: Request) -> str:
+    """Returns the centre of the site and the request."""
     x, y = site.centre
     false = ""
     if math.isfinite(request.false_per_minute):
@@ -171,80 +103,114 @@ def asked(site: PlanSite, request: Request) -> str:
     weights = list(dict.fromkeys(weights))
     weighed = f" Weights in the choice: {', '.join(weights)}; other vehicles 1." if weights else ""
     return (
-        f"{site.name}, preset {site.preset}, detector {request.detector}: "
-        f"{100 * request.find:g} of 100 vehicles within {request.within_m:g} m of ({x:.0f}, "
-        f"{y:.0f}) in a frame{false}; at most {usd(request.budget_usd)} over "
+        f"{site.name}, centre ({x:.0f}, {y:.0f}) m, preset {site.preset}, detector "
+        f"{request.detector}: {100 * request.find:g} of 100 vehicles within {request.within_m:g} m "
+        f"of the centre in a frame{false}; at most {usd(request.budget_usd)} over "
         f"{request.years:g} years and {poles}.{weighed}"
     )
 
 
-def where_predicted(site: PlanSite, rows: pd.DataFrame) -> str:
+def fairness(law: Detectability, rows: pd.DataFrame) -> str:
+    """Returns by how much the detector is unfair to the LiDARs of the options."""
+    if not law.gains:
+        return ""
+    known = {name: law.gains[name] for name in dict.fromkeys(rows.lidar) if name in law.gains}
+    texts = [f"{gain:g} for {name}" for name, gain in known.items()]
+    measured = f"; measured on one scene, AP: {', '.join(texts)}" if texts else ""
     return (
-        f"These shares are predicted {LATER if site.recorded else OTHER}, which was not used for "
-        f"the choice. The first option finds {rows.recall_in_choice.iloc[0]:.0f} of 100 in the "
-        "frames of the choice."
+        " The pretrained detector is not equally good for all LiDARs: fine-tuning adds more AP to "
+        f"LiDARs with few lines or a narrow view{measured}."
     )
 
 
-def meets(option: tuple[Choice, Prediction], request: Request) -> bool:
-    """Returns whether an option finds what was asked for."""
-    prediction = option[1]
-    return prediction.recall.value >= request.find and prediction.keeps_false
+def verdict_lines(options: Options, request: Request, frames: int) -> Iterator[str]:
+    """Yields the verdict, and what would settle or change it."""
+    standing = options[0][1]
+    share, wanted = standing.recall, 100 * request.find
+    if not share.is_known:
+        yield f"Not known: no vehicle is within {request.within_m:g} m in other traffic."
+        return
+    first = (
+        f"option 1 finds {unlike(100 * share.value, wanted, 0)} of 100 vehicles "
+        f"[{100 * share.low:.0f} to {100 * share.high:.0f}], {standing.source}"
+    )
+    first += f" in {frames} frames of other traffic" if standing.source == SIMULATED else ""
+    result = verdict(standing, request)
+    false = false_texts(standing, request)
+    if result == "met":
+        yield f"Met: {first}{false}."
+        return
+    if result == "not known":
+        yield f"Not known whether {wanted:g} of 100 are found: {first}{false}."
+        yield settled_by(standing, request, frames)
+        return
+    yield f"Not met: no option within the budget finds {wanted:g} of 100; {first}{false}."
+    do = [f"`find` {math.floor(100 * share.low) / 100:g} would be met"]
+    if standing.false_per_frame.low > most_false(request):
+        least = request.frames_per_minute * standing.false_per_frame.high
+        do.append(f"`false_per_minute` {math.ceil(least)} would be met")
+    yield f"A higher budget or more poles may help; {' and '.join(do)}."
 
 
-def nearest(options: Options, request: Request) -> str:
-    """Returns what the first option lacks, and what would have to be asked instead."""
-    prediction = options[0][1]
-    found = prediction.recall.value
-    least = request.frames_per_minute * prediction.false_per_frame.value
-    share_found = unlike(100 * found, 100 * request.find, 0)
-    others = [k for k, one in enumerate(options, start=1) if meets(one, request)]
-    if others:
-        k = min(others, key=lambda k: options[k - 1][0].price.middle)
-        share, price_usd = options[k - 1][1].recall.value, options[k - 1][0].price.middle
-        lacks = [f"it finds {share_found} of 100"] if found < request.find else []
-        if not prediction.keeps_false:
-            lacks.append(f"no score keeps its false boxes below {math.ceil(least)} a minute")
-        return (
-            f"The chosen option may miss this: {' and '.join(lacks)} in other traffic. "
-            f"Option {k} finds {100 * share:.0f} of 100 for {usd(price_usd)}."
-        )
-    reasons = []
-    if found < request.find:
-        reasons.append(
-            f"the chosen one finds {share_found} of 100; a higher budget or more poles "
-            f"may help, and `find` {math.floor(100 * found) / 100:g} would do"
-        )
-    if not prediction.keeps_false:
-        reasons.append(
-            f"no score keeps false boxes that rare; `false_per_minute` {math.ceil(least)} would do"
-        )
-    return f"No option meets this: {'; '.join(reasons)}."
+def false_texts(standing: Standing, request: Request) -> str:
+    if not math.isfinite(request.false_per_minute):
+        return ""
+    rate, per_minute = standing.false_per_frame, request.frames_per_minute
+    return (
+        f", with {per_minute * rate.value:.0f} false boxes a minute "
+        f"[{per_minute * rate.low:.0f} to {per_minute * rate.high:.0f}]"
+    )
 
 
-def sentence(option: tuple[Choice, Prediction], rows: pd.DataFrame, request: Request) -> str:
+def settled_by(standing: Standing, request: Request, frames: int) -> str:
+    """Returns what would settle a verdict that is not known."""
+    share = standing.recall
+    if standing.source != SIMULATED:
+        return "A simulation in full (`check_frames` of 30 or more) gives a narrower interval."
+    away = abs(share.value - request.find)
+    half = (share.high - share.low) / 2
+    enough = math.inf if away == 0 else frames * (half / away) ** 2
+    if enough > MOST_FRAMES:
+        return "The share is so close to what is asked that no practical simulation settles it."
+    return (
+        f"About {math.ceil(enough / 10) * 10:,} simulated frames (`check_frames`) may settle it; a "
+        "recording at the site would."
+    )
+
+
+def sentence(option: tuple[Choice, Standing], rows: pd.DataFrame, request: Request) -> str:
     """Returns an option in an engineer's words."""
-    choice, prediction = option
+    choice, standing = option
     where = " and ".join(
         f"{row.lidar} at ({row.x_m:.1f}, {row.y_m:.1f}), {row.height_m:.1f} m above the road, yaw "
-        f"{row.yaw_deg:.0f} and pitch {row.pitch_deg:.0f} degrees"
-        f"{' on an existing mast or wall' if row.existing else ''}"
+        f"{row.yaw_deg:.0f} (compass {compass(row.yaw_deg):.0f}) and pitch {row.pitch_deg:.0f} "
+        f"degrees{' on an existing mast or wall' if row.existing else ''}"
         for row in rows.itertuples()
     )
-    shares = {"vehicles": prediction.recall, "pedestrians": prediction.people}
+    shares = {"vehicles": standing.recall, "pedestrians": standing.people}
     found = ", ".join(f"{of_hundred(s)} {name}" for name, s in shares.items() if s.value >= 0)
     areas = "".join(
         f", {of_hundred(share)} at {name}"
-        for name, share in prediction.areas.items()
-        if math.isfinite(share.value)
+        for name, share in (
+            (area.name, standing.shares.get(f"recall_{area.name}"))
+            for area in {one.name: one for one in request.areas}.values()
+        )
+        if share is not None and math.isfinite(share.value)
     )
+    ap = f"AP of all vehicles {standing.ap.value:.0f}" if math.isfinite(standing.ap.value) else ""
+    if ap and standing.ap.is_known:
+        ap += f" [{standing.ap.low:.0f} to {standing.ap.high:.0f}]"
     return (
         f"{where}: {f'finds {found}' if found else 'no object is'} within {request.within_m:g} m "
-        f"in a frame{areas}, "
-        f"{false_boxes(prediction.false_per_frame.value)}; about {rows.latency_ms.iloc[0]:.0f} ms "
-        f"a frame on one core; {price(choice.price)} over {request.years:g} years; AP of all "
-        f"vehicles {prediction.ap.value:.0f} [{prediction.ap.low:.0f} to {prediction.ap.high:.0f}]."
+        f"in a frame{areas}, {standing.source}; {false_boxes(standing.false_per_frame.value)}; "
+        f"about {rows.latency_ms.iloc[0]:.0f} ms a frame on one core; {price(choice.price)} over "
+        f"{request.years:g} years{f'; {ap}' if ap else ''}."
     )
+
+
+def compass(yaw_deg: float) -> float:
+    """Returns the compass bearing of a yaw: 0 is north (y), 90 is east (x)."""
+    return (90 - yaw_deg) % 360
 
 
 def of_hundred(share: Interval) -> str:
@@ -269,21 +235,12 @@ def price(span: Range) -> str:
     return f"{usd(span.middle)} ({span.low:,.0f} to {span.high:,.0f})"
 
 
-def notes(
-    options: Options,
-    rows: pd.DataFrame,
-    request: Request,
-    law: Detectability,
-    costs: Costs,
-    units: Units,
+def doubts(
+    options: Options, request: Request, law: Detectability, costs: Costs, units: Units
 ) -> Iterator[str]:
-    choice, prediction = options[0]
-    if prediction.recall.low < request.find <= prediction.recall.value:
-        yield (
-            f"The interval of the first option begins below {100 * request.find:g} of 100, so it "
-            "may miss the requirement."
-        )
-    if request.people and not prediction.people.value >= 0:
+    """Yields what is uncertain or assumed in the first option."""
+    choice, standing = options[0]
+    if request.people and not standing.people.value >= 0:
         yield (
             f"No pedestrian is within {request.within_m:g} m in the frames of the prediction, so "
             "the answer has no share of pedestrians."
@@ -297,20 +254,6 @@ def notes(
             f"{costs.frame_ms:g} ms. It needs {math.ceil(latency_ms / costs.frame_ms)} cores to "
             f"keep up, of the {CORES} of a computer; the price has enough computers."
         )
-    yield from number_of_poles(options, rows)
-    if choice.method == "greedy":
-        yield (
-            f"The search for {len(choice.units)} LiDARs is greedy: in the frames of the choice, no "
-            f"other set finds more than {100 * choice.bound:.1f} of 100; the gap is "
-            f"{100 * choice.gap:.1f}."
-        )
-    elif min(request.units, most_units(units, request.budget_usd)) > 2:
-        yield (
-            "The choice is exact for one and two LiDARs over all candidates that stayed in the "
-            "race. The search for more LiDARs is greedy, so a better set may exist."
-        )
-    else:
-        yield "The choice is exact over all pairs of pose and LiDAR that were not left out."
     lidars = [units.lidars[u] for u in choice.units]
     doubtful = list(dict.fromkeys(one.name for one in lidars if not one.confirmed))
     if doubtful:
@@ -328,15 +271,38 @@ def notes(
         )
 
 
-def number_of_poles(options: Options, rows: pd.DataFrame) -> Iterator[str]:
+def how_chosen(
+    options: Options, rows: pd.DataFrame, request: Request, units: Units
+) -> Iterator[str]:
+    """Yields how the first option was chosen."""
+    choice = options[0][0]
+    yield from number_of_poles(rows)
+    if choice.method == "greedy":
+        yield (
+            f"The search for {len(choice.units)} LiDARs is greedy: in the frames of the choice, no "
+            f"other set finds more than {100 * choice.bound:.1f} of 100; the gap is "
+            f"{100 * choice.gap:.1f}."
+        )
+    elif min(request.units, most_units(units, request.budget_usd)) > 2:
+        yield (
+            "The options are exact for one and two LiDARs over all candidates that stayed in the "
+            "race. The search for more LiDARs is greedy, so a better set may exist."
+        )
+    else:
+        yield "The options are exact over all pairs of pose and LiDAR that were not left out."
+    if not any(one.source == SIMULATED for _, one in options):
+        yield "No option was simulated in full, so the predicted shares decide."
+
+
+def number_of_poles(rows: pd.DataFrame) -> Iterator[str]:
     """Yields the best option of each number of poles, if there are several."""
-    first = rows.drop_duplicates("option").sort_values("recall", ascending=False)
+    first = rows.drop_duplicates("option").sort_values("share", ascending=False)
     best = first.drop_duplicates("poles").sort_values("poles")
     if len(best) < 2:
         return
     texts = [
-        f"{row.poles} {'poles find' if row.poles > 1 else 'pole finds'} {row.recall:.0f} of 100 "
-        f"for {usd(row.price_usd)}"
+        f"{row.poles} {'poles find' if row.poles > 1 else 'pole finds'} {row.share:.0f} of 100 "
+        f"for {usd(row.price_usd)} ({row.source})"
         for row in best.itertuples()
     ]
     yield f"Most vehicles by number of poles: {'; '.join(texts)}."
@@ -357,3 +323,12 @@ def left_out(every: pd.DataFrame) -> Iterator[str]:
         texts = [f"{count} {reason}" for reason, count in raced.items()]
         total = int((every.lidar != "").sum())
         yield f"{raced.sum()} of {total} pairs of pose and LiDAR were left out: {'; '.join(texts)}."
+
+
+def few_positions(poses: pd.DataFrame, request: Request) -> str:
+    """Returns a sentence if fewer positions are possible than poles are asked for."""
+    count = len(poses.drop_duplicates(POSE[:2]))
+    if count >= request.poles:
+        return ""
+    are = "position is" if count == 1 else "positions are"
+    return f"Only {count} {are} possible, fewer than the {request.poles} poles of the request."

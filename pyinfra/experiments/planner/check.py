@@ -1,215 +1,216 @@
-"""Simulates the best options of a plan in full and measures what the detector finds.
+"""Simulates options of a plan in full, and measures what the detector finds.
 
-The frames are some of those of the predictions, which the choice has not used. Several LiDARs are
-fused.
+The frames are of traffic that neither the choice nor the predictions have used: of three further
+traffic seeds or, for recorded traffic, of its last third. Several LiDARs are fused.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
-from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.core.arrays import FloatArray
 from pyinfra.dataset import simulation
 from pyinfra.dataset.world_frame import to_world
-from pyinfra.experiments.planner.answer import LATER, OTHER, false_boxes
-from pyinfra.experiments.planner.candidates import POSE
-from pyinfra.experiments.planner.lidars import PlanLidar
+from pyinfra.experiments.planner.areas import weighted
 from pyinfra.experiments.planner.measure import Measured, measure
+from pyinfra.experiments.planner.predict import UNKNOWN
 from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.site import PlanSite
+from pyinfra.experiments.planner.verdict import SIMULATED, Standing
+from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.evaluation_result import Evaluation
 
 FRAMES = 30
+SEEDS = 3  # of the traffic
 YAW_ERROR_DEG = 0.5
-BEST = 3  # options that are simulated, and one more of another kind
+
+Parts = Sequence[tuple[Sequence[float], simulation.Lidar]]  # pose and LiDAR of each unit
+Counted = Callable[[pd.DataFrame], np.ndarray]  # which objects count for a goal
 
 
-@dataclass(frozen=True)
-class Checked:
-    """Measured figures of an option; shares in percent, NaN without objects."""
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The objects in the frames of a simulated option, and which of them have a box."""
 
-    ap: float
-    ap_low: float
-    ap_high: float
-    recall: float
-    people_recall: float
-    false_per_frame: float
-    position_m: float  # 95 % of the positions of found vehicles are within this distance
+    objects: pd.DataFrame  # frame (index), seed, id, person, x, y (world), found
+    frames: int
+    false: FloatArray  # (frames,) false boxes of each frame
+    ap: Interval
+    position_m: float
 
 
-def to_check(options: pd.DataFrame, best: int = BEST) -> list[int]:
-    """Returns the numbers of the best options, and of the best one of another kind.
-
-    The kind of an option is its LiDARs, and its number of poles.
-    """
-    first = options.drop_duplicates("option").option.tolist()[:best]
-    kinds = options.groupby("option").agg(lidars=("lidar", lambda x: tuple(sorted(x))))
-    poles = options.drop_duplicates("option").set_index("option").poles
-    kind = [(kinds.lidars[one], poles[one]) for one in kinds.index]
-    chosen = {kind[one - 1] for one in first}
-    other = next((n for n, one in zip(kinds.index, kind, strict=True) if one not in chosen), None)
-    return first if other is None else [*first, int(other)]
+def traffic_of(site: PlanSite, frames: int) -> list[tuple[int, tuple[int, ...]]]:
+    """Returns the traffic seeds of a simulation, and the frames of each."""
+    order = site.other_frames(frames)
+    if site.recorded:
+        return [(site.other_seed, order)]
+    seeds = min(SEEDS, len(order))
+    return [(site.other_seed + 1 + k, order[k::seeds]) for k in range(seeds)]
 
 
-@dataclass(frozen=True)
-class YawError:
-    """Measured recall (percent) of an option with and without an error of the assumed yaw."""
-
-    option: int
-    with_error: float
-    without: float
-
-
-def check(
+def simulate_option(
     site: PlanSite,
-    options: pd.DataFrame,
-    lidars: Sequence[PlanLidar],
+    parts: Parts,
     detector: str,
-    within_m: float,
-    *,
+    cut: float,
     frames: int = FRAMES,
-    progress: Callable[[str], None] = lambda _: None,
-) -> pd.DataFrame:
-    """Returns the options with the measured figures of those that were simulated."""
-    numbers = site.other_frames(frames)
-    out = options.copy()
-    for number in to_check(options):
-        rows = out.option == number
-        parts = units_at(options, number, lidars)
-        result = measure(site, parts, numbers, detector, seed=site.other_seed)
-        cut = float(out[rows].score.iloc[0])
-        one = figures(result, site.centre, within_m, cut)
-        out.loc[rows, ["ap_simulated", "ap_simulated_low", "ap_simulated_high"]] = [
-            one.ap,
-            one.ap_low,
-            one.ap_high,
-        ]
-        out.loc[rows, "recall_simulated"] = one.recall
-        out.loc[rows, "people_recall_simulated"] = one.people_recall
-        out.loc[rows, "false_per_frame_simulated"] = one.false_per_frame
-        out.loc[rows, "position_m_simulated"] = one.position_m
-        progress(f"option {number}: AP {one.ap:.1f} simulated")
-    return out
-
-
-def check_yaw(
-    site: PlanSite,
-    options: pd.DataFrame,
-    lidars: Sequence[PlanLidar],
-    detector: str,
-    within_m: float,
     *,
-    frames: int = FRAMES,
-) -> list[YawError]:
-    """Returns what option 1 and the last simulated option find with an error of the yaw.
+    scene: Mapping[str, object] | None = None,
+    yaw_error_deg: float = 0.0,
+) -> Found:
+    """Simulates an option, and returns what boxes of a score of `cut` or above find.
 
-    The boxes are compared with the true positions of the vehicles, so that the error counts for a
-    single LiDAR too. Several LiDARs are turned alternately to the left and to the right.
+    scene: overrides of keys of the scene. yaw_error_deg: error of the assumed yaw of each LiDAR;
+    several LiDARs are turned alternately to the left and to the right.
     """
-    first = options.drop_duplicates("option").set_index("option")
-    out = []
-    for number in dict.fromkeys((1, to_check(options)[-1])):
-        result = measure(
-            site,
-            units_at(options, number, lidars),
-            site.other_frames(frames),
-            detector,
-            seed=site.other_seed,
-            yaw_error_deg=YAW_ERROR_DEG,
-        )
-        cut = float(first.score[number])
-        recall = recall_near(result.vehicles, site.centre, within_m, cut)
-        out.append(YawError(number, recall, float(first.recall_simulated[number])))
-    return out
-
-
-def units_at(
-    options: pd.DataFrame, number: int, lidars: Sequence[PlanLidar]
-) -> list[tuple[list[float], simulation.Lidar]]:
-    """Returns pose and LiDAR of each unit of an option."""
-    units = {lidar.name: lidar.unit for lidar in lidars}
-    rows = options[options.option == number]
-    return [(list(row[POSE].to_numpy(float)), units[row.lidar]) for _, row in rows.iterrows()]
-
-
-def figures(result: Measured, centre: FloatArray, within_m: float, cut: float) -> Checked:
-    """Returns the figures of an option for boxes of a score of `cut` or above."""
-    ap = result.vehicles.ap.iloc[0]
-    false = result.false_scores()
-    return Checked(
-        float(ap.ap_r1000),
-        float(ap.ap_r1000_low),
-        float(ap.ap_r1000_high),
-        recall_near(result.vehicles, centre, within_m, cut),
-        recall_near(result.people, centre, within_m, cut) if result.people else float("nan"),
-        float((false >= cut).sum() / result.frames),
-        position_error(result.vehicles, cut),
+    tables, false, aps, away, start = [], [], [], [], 0
+    for seed, numbers in traffic_of(site, frames):
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", ".* used on frames")  # the answer says it once
+            result = measure(
+                site, parts, numbers, detector, seed=seed, scene=scene, yaw_error_deg=yaw_error_deg
+            )
+        at = {number: start + k for k, number in enumerate(sorted(numbers))}
+        start += len(numbers)
+        for one in (result.vehicles, result.people):
+            if one is not None:
+                tables.append(_objects(one, cut).assign(seed=seed))
+                tables[-1]["frame"] = tables[-1].frame.map(at)
+        false.append(_false(result, sorted(numbers), cut))
+        aps.append(result.vehicles.ap.iloc[0])
+        away.append(_distances(tables[-1 if result.people is None else -2]))
+    every = np.concatenate(away)
+    return Found(
+        pd.concat(tables, ignore_index=True),
+        start,
+        np.concatenate(false),
+        _mean_ap(aps),
+        float(np.quantile(every, 0.95)) if len(every) else math.nan,
     )
 
 
-def recall_near(result: Evaluation, centre: FloatArray, within_m: float, cut: float) -> float:
-    """Returns the percent of the present objects near the centre that have a box."""
-    matches = result.matches
-    counted = matches[matches.outcome.isin(["true positive", "missed"])]
-    near = counted[_near(result, counted, centre, within_m)]
-    if near.empty:
-        return float("nan")
-    return float(100 * ((near.outcome == "true positive") & (near.score >= cut)).mean())
-
-
-def position_error(result: Evaluation, cut: float) -> float:
-    """Returns the 95th percentile of the distance from a box to its vehicle, metres."""
-    matches = result.matches
-    detected = matches[(matches.outcome == "true positive") & (matches.score >= cut)]
+def _objects(result: Evaluation, cut: float) -> pd.DataFrame:
+    """Returns the objects that count: frame, id, person, x, y (world frame), found, away."""
     vehicles, numbers = result.truth.vehicles, np.array(result.truth.frames)
+    xy = vehicles.boxes[:, :2]
     truth = pd.DataFrame(
-        {
-            "frame": numbers[vehicles.frame],
-            "object_id": vehicles.ids,
-            "true_x": vehicles.boxes[:, 0],
-            "true_y": vehicles.boxes[:, 1],
-        }
+        {"frame": numbers[vehicles.frame], "object_id": vehicles.ids, "true_x": xy[:, 0],
+         "true_y": xy[:, 1], "person": np.array(vehicles.names) == "Pedestrian"}
+    )  # fmt: skip
+    matches = result.matches[result.matches.outcome.isin(["true positive", "missed"])]
+    rows = matches.merge(truth, on=["frame", "object_id"])
+    found = (rows.outcome == "true positive") & (rows.score >= cut)
+    world = rows[["true_x", "true_y"]].to_numpy(float)
+    if (lidar := result.truth.lidar) is not None:
+        world = to_world(world, lidar.T_world_levelled)
+    away = np.hypot(rows.x - rows.true_x, rows.y - rows.true_y)
+    return pd.DataFrame(
+        {"frame": rows.frame, "id": rows.object_id, "person": rows.person, "x": world[:, 0],
+         "y": world[:, 1], "found": found, "away": away}
+    )  # fmt: skip
+
+
+def _distances(objects: pd.DataFrame) -> FloatArray:
+    """Returns the distances of the boxes of found objects from their true positions, metres."""
+    return np.asarray(objects.away[objects.found], float)
+
+
+def _false(result: Measured, numbers: Sequence[int], cut: float) -> FloatArray:
+    matches = result.vehicles.matches
+    wrong = matches[(matches.outcome == "false positive") & (matches.score >= cut)]
+    counts = wrong.groupby("frame").size().reindex(numbers, fill_value=0)
+    return np.asarray(counts, float)
+
+
+def _mean_ap(rows: Sequence[pd.Series]) -> Interval:
+    """Returns the mean AP of the seeds, with the variance of its time blocks and of the seeds."""
+    values = np.array([row.ap_r1000 for row in rows], float)
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return UNKNOWN
+    mean, half = float(values.mean()), math.nan
+    if len(values) > 1:
+        half = float(stats.t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / len(values) ** 0.5)
+    elif math.isfinite(rows[0].ap_r1000_low):
+        half = float(rows[0].ap_r1000_high - rows[0].ap_r1000_low) / 2
+    return Interval(mean, max(0.0, mean - half), min(100.0, mean + half))
+
+
+def share(found: Found, counted: np.ndarray) -> Interval:
+    """Returns the share of the counted objects that is found, for an hour of other traffic.
+
+    The interval has the frames as clusters. Its variance is at least that of independent objects.
+    """
+    some = found.objects[counted]
+    total = len(some)
+    if total == 0:
+        return UNKNOWN
+    value = float(some.found.mean())
+    sums = np.bincount(some.frame, some.found, found.frames)
+    counts = np.bincount(some.frame, minlength=found.frames)
+    n = max(found.frames, 2)
+    clusters = float((sums - value * counts).var(ddof=1)) * n / total**2 if found.frames > 1 else 1
+    smoothed = (some.found.sum() + 1) / (total + 2)
+    variance = max(clusters, float(smoothed * (1 - smoothed)) / total)
+    half = float(stats.t.ppf(0.975, n - 1)) * math.sqrt(variance)
+    return Interval(value, max(0.0, value - half), min(1.0, value + half))
+
+
+def false_rate(found: Found) -> Interval:
+    """Returns the false boxes of a frame."""
+    value, n = float(found.false.mean()), max(found.frames, 2)
+    variance = max(float(found.false.var(ddof=1)) if found.frames > 1 else value, value, 1 / n) / n
+    half = float(stats.t.ppf(0.975, n - 1)) * math.sqrt(variance)
+    return Interval(value, max(0.0, value - half), value + half)
+
+
+def standing(
+    found: Found, goals: Mapping[str, Counted], site: PlanSite, request: Request
+) -> Standing:
+    """Returns the measured figures of an option. goals: which objects count, by column."""
+    objects = found.objects
+    near = np.hypot(objects.x - site.centre[0], objects.y - site.centre[1]) <= request.within_m
+    near, person = near.to_numpy(bool), objects.person.to_numpy(bool)
+    weight = weighted(objects, np.where(person, request.people, 1.0) * near, request.areas)
+    return Standing(
+        share(found, near & ~person),
+        share(found, near & person),
+        {name: share(found, counted(objects)) for name, counted in goals.items()},
+        float((weight * objects.found).sum() / max(weight.sum(), 1e-12)),
+        false_rate(found),
+        found.ap,
+        found.position_m,
+        SIMULATED,
     )
-    both = detected.merge(truth, on=["frame", "object_id"])
-    if both.empty:
-        return float("nan")
-    return float(np.hypot(both.x - both.true_x, both.y - both.true_y).quantile(0.95))
 
 
-def _near(result: Evaluation, rows: pd.DataFrame, centre: FloatArray, within_m: float) -> BoolArray:
-    lidar = result.truth.lidar
-    xy = rows[["x", "y"]].to_numpy(float)
-    world = xy if lidar is None else to_world(xy, lidar.T_world_levelled)
-    return np.asarray(np.hypot(*(world - centre).T) <= within_m)
+def paired(before: Found, after: Found, site: PlanSite, within_m: float) -> Interval:
+    """Returns by how much the share of the vehicles within a distance changes, -1 to 1.
 
+    Both are of the same frames. The interval is over the frames, in each of which the difference
+    counts by the number of its vehicles.
+    """
 
-def checked_lines(
-    options: pd.DataFrame, request: Request, frames: int, *, recorded: bool
-) -> Iterator[str]:
-    """Yields prediction and measurement of each option that was simulated in full."""
-    first = options.drop_duplicates("option")
-    done = first[first.ap_simulated.notna()]
-    if len(done):
-        yield f"Simulated in full {LATER if recorded else OTHER}, {frames} frames each:"
-    for row in done.itertuples():
-        if math.isnan(row.recall_simulated):
-            yield f"Option {row.option}: no vehicle is within {request.within_m:g} m."
-            continue
-        people, positions, ap_ends = "", "", ""
-        if math.isfinite(row.people_recall_simulated):
-            people = f" and {row.people_recall_simulated:.0f} of 100 pedestrians"
-        if math.isfinite(row.position_m_simulated):
-            positions = f", 95 % of the positions within {row.position_m_simulated:.1f} m"
-        if math.isfinite(row.ap_simulated_low):
-            ap_ends = f" [{row.ap_simulated_low:.0f} to {row.ap_simulated_high:.0f}]"
-        yield (
-            f"Option {row.option}: finds {row.recall_simulated:.0f} of 100 vehicles (predicted "
-            f"{row.recall:.0f}){people} within {request.within_m:g} m, "
-            f"{false_boxes(row.false_per_frame_simulated)}{positions}; AP {row.ap_simulated:.0f}"
-            f"{ap_ends} (predicted {row.ap_predicted:.0f})."
+    def per_frame(one: Found) -> tuple[FloatArray, FloatArray]:
+        objects = one.objects
+        near = np.hypot(objects.x - site.centre[0], objects.y - site.centre[1]) <= within_m
+        some = objects[near & ~objects.person]
+        return (
+            np.bincount(some.frame, some.found, one.frames).astype(float),
+            np.bincount(some.frame, minlength=one.frames).astype(float),
         )
+
+    (a, of_a), (b, of_b) = per_frame(before), per_frame(after)
+    if not of_a.sum() or not of_b.sum():
+        return UNKNOWN
+    first, then, n = a.sum() / of_a.sum(), b.sum() / of_b.sum(), max(before.frames, 2)
+    parts = (b - then * of_b) / of_b.sum() - (a - first * of_a) / of_a.sum()
+    half = float(stats.t.ppf(0.975, n - 1)) * math.sqrt(n * parts.var(ddof=1)) if n > 1 else 1.0
+    return Interval(float(then - first), float(then - first - half), float(then - first + half))

@@ -1,13 +1,12 @@
-"""Decides among the pairs that stayed in the race, with the prices as asked and with others."""
+"""The options of the pairs that stayed in the race, and the choice with other prices."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import pandas as pd
 
-from pyinfra.core.arrays import BoolArray
 from pyinfra.experiments.planner.answer import LISTED
 from pyinfra.experiments.planner.choice import (
     Choice,
@@ -19,11 +18,11 @@ from pyinfra.experiments.planner.choice import (
     upper_bound,
 )
 from pyinfra.experiments.planner.costs import Costs
-from pyinfra.experiments.planner.detectability import Detectability, Law
+from pyinfra.experiments.planner.detectability import Detectability
 from pyinfra.experiments.planner.lidars import PlanLidar
-from pyinfra.experiments.planner.predict import Prediction, predict
 from pyinfra.experiments.planner.race import Race, detection_probabilities
 from pyinfra.experiments.planner.request import Request
+from pyinfra.experiments.planner.verdict import Standing, in_order
 
 SHOWN = 12  # options in the table, besides the best of each LiDAR
 PERCENT = (-20, 20)
@@ -46,63 +45,54 @@ class Move:
     choice: Choice | None
 
 
-@dataclass(frozen=True, eq=False)
-class Decision:
-    """The options, the chosen one first, and the choice with other prices."""
+def options_of(
+    first: Sequence[Choice], front: Sequence[Choice], units: Units, request: Request
+) -> list[Choice]:
+    """Returns the options that are compared.
 
-    options: list[Choice]  # those that are listed, then the others of the front
-    listed: int  # number of options that are listed
-    in_choice: list[Prediction]  # what each option finds in the frames of the choice
-    moves: list[Move]
-
-
-def decide(
-    race: Race,
-    units: Units,
-    front: Sequence[Choice],
-    law: Detectability,
-    request: Request,
-    more: Mapping[str, BoolArray],
-) -> Decision:
-    """Orders the options by what they find in the frames of the race.
-
-    front: options that are best for other settings. The first LISTED options are listed, and all
-    that `considered` returns. Of options with the same LiDARs at the same positions, only the first
-    is listed. more: further sets of objects, as in `predict`.
+    first: the best ones of this request, as of `considered`. front: those that are best for other
+    settings.
     """
-    known: dict[tuple[int, ...], Prediction] = {}
-    values = replace(
-        law,
-        vehicles=_without_replicates(law.vehicles),
-        people=None if law.people is None else _without_replicates(law.people),
-    )
+    return merged([with_bound(one, first, units, request) for one in front], first)
 
-    def prediction(units: tuple[int, ...]) -> Prediction:
-        if units not in known:
-            known[units] = predict(race, units, values, request, more)
-        return known[units]
 
-    first = considered(units, request)
-    others = [with_bound(one, first, units, request) for one in front]
-    order = in_order(merged(others, first), prediction, request)
+def listed(
+    order: Sequence[Choice], first: Sequence[Choice], units: Units
+) -> tuple[list[Choice], int]:
+    """Returns the options with those of the table in front, and the number of these.
+
+    The table has the first LISTED options, and all of `first`. Of options with the same LiDARs at
+    the same positions, it has only the first.
+    """
     always = {_stands(one, units) for one in first}
     best = first_at_each_place(order, units)
-    listed = {
-        _key(one) for k, one in enumerate(best) if k < LISTED or _stands(one, units) in always
-    }
-    is_listed = [_key(one) in listed for one in order]
-    options = [one for one, here in zip(order, is_listed, strict=True) if here]
-    options += [one for one, here in zip(order, is_listed, strict=True) if not here]
+    some = {_key(one) for k, one in enumerate(best) if k < LISTED or _stands(one, units) in always}
+    here = [one for one in order if _key(one) in some]
+    return here + [one for one in order if _key(one) not in some], len(here)
+
+
+def kind_of(one: Choice, units: Units) -> tuple[tuple[str, ...], int]:
+    """Returns the LiDARs of an option, and its number of poles."""
+    names = tuple(sorted(units.lidars[u].name for u in one.units))
+    return names, len({int(units.place[u]) for u in one.units})
+
+
+def moves_of(
+    order: Sequence[Choice],
+    units: Units,
+    standings: Mapping[tuple[int, ...], Standing],
+    request: Request,
+) -> list[Move]:
+    """Returns the choice among the options with other prices."""
     moves = []
     for prices in PRICES:
         for percent in PERCENT:
             changed = with_prices(units, prices, 1 + percent / 100)
             again = [replace(one, price=changed.price(one.units)) for one in order]
             within = [one for one in again if one.price.middle <= request.budget_usd]
-            every = merged(within, considered(changed, request))
-            then = in_order(every, prediction, request)
+            then = in_order(within, standings, request)
             moves.append(Move(prices, percent, then[0] if then else None))
-    return Decision(options, sum(is_listed), [prediction(one.units) for one in options], moves)
+    return moves
 
 
 def merged(some: Sequence[Choice], others: Sequence[Choice]) -> list[Choice]:
@@ -138,10 +128,6 @@ def with_bound(one: Choice, options: Sequence[Choice], units: Units, request: Re
     return replace(one, value=value, bound=bound)
 
 
-def _without_replicates(law: Law) -> Law:
-    return Law(law.detection[:1], law.false[:1])
-
-
 def considered(units: Units, request: Request) -> list[Choice]:
     """Returns the best options of one, of two and of more units, each once."""
     alone = singles(units, request.budget_usd)
@@ -155,26 +141,6 @@ def considered(units: Units, request: Request) -> list[Choice]:
         more = greedy(units, request.budget_usd, request.poles, request.lidars_per_pole)
         options += [more] if more else []
     return merged([], options)
-
-
-def in_order(
-    options: Sequence[Choice],
-    prediction: Callable[[tuple[int, ...]], Prediction],
-    request: Request,
-) -> list[Choice]:
-    """Returns the options, the chosen one first.
-
-    Options that find enough vehicles come first, the cheapest first. Of options of one price, and
-    of those that do not find enough, the one with the largest weighted share comes first.
-    """
-
-    def key(choice: Choice) -> tuple[float, float, float]:
-        one = prediction(choice.units)
-        if one.recall.value >= request.find and one.keeps_false:
-            return 0, choice.price.middle, -one.weighted
-        return 1, -one.weighted, choice.price.middle
-
-    return sorted(options, key=key)
 
 
 def with_prices(units: Units, prices: str, factor: float) -> Units:
@@ -215,11 +181,3 @@ def units_of(
     return Units(
         probability, race.objects.weight, place, existing, [lidars[i] for i in stayed.lidar], costs
     )
-
-
-def few_positions(poses: pd.DataFrame, request: Request) -> Iterator[str]:
-    """Yields a line if fewer positions are possible than poles are asked for."""
-    count = len(poses.drop_duplicates(["x_m", "y_m"]))
-    if count < request.poles:
-        are = "position is" if count == 1 else "positions are"
-        yield f"Only {count} {are} possible, fewer than the {request.poles} poles of the request."

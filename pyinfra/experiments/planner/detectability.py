@@ -40,6 +40,20 @@ class Law:
     false: FloatArray  # (1 + replicates, FALSE_TERMS)
 
 
+@dataclass(frozen=True)
+class UnseenErrors:
+    """Standard deviations of the predictions at sites and LiDARs that no fit has seen.
+
+    recall and people are shares (0 to 1), ap is 0 to 100, and log_false is of the natural logarithm
+    of the false boxes per frame. The noise of the measured frames is not part of them.
+    """
+
+    recall: float
+    people: float
+    ap: float
+    log_false: float
+
+
 @dataclass(frozen=True, eq=False)
 class Detectability:
     """The laws of one detector, and how they were measured."""
@@ -53,6 +67,8 @@ class Detectability:
     machine: str
     vehicles: Law
     people: Law | None
+    unseen: UnseenErrors
+    gains: dict[str, float]  # AP that fine-tuning to a LiDAR adds, by LiDAR; those measured only
     frames_version: str = FIRST  # number of the frames that the laws and the detector learnt from
 
     def law(self, *, person: bool) -> Law | None:
@@ -75,6 +91,8 @@ def read_detectability(detector: str, file: Path = FILE) -> Detectability:
         str(one["machine"]),
         law_of(one["vehicles"], detector),
         law_of(people, detector) if people else None,
+        UnseenErrors(**one["unseen_std"]),
+        dict(one.get("fine_tuning_ap", {})),
         str(one.get("frames_version", FIRST)),
     )
 

@@ -7,21 +7,23 @@ LiDARs over all pairs of pose and LiDAR that stayed in the race. Beyond two it i
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
-from pyinfra.experiments.planner.answer import Options, ends, sentence
+from pyinfra.experiments.planner.answer import Options, sentence
 from pyinfra.experiments.planner.areas import of_name
 from pyinfra.experiments.planner.choice import Choice, Units, greedy, most_units, pair_prices
 from pyinfra.experiments.planner.detectability import Detectability
-from pyinfra.experiments.planner.predict import UNKNOWN, Prediction
+from pyinfra.experiments.planner.predict import UNKNOWN
 from pyinfra.experiments.planner.race import Objects
 from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.site import PlanSite
+from pyinfra.experiments.planner.verdict import Standing
 
 DISTANCES = (0.5, 1.0, 1.5)  # of the request's distance, for which the front is computed
 CELL_M = 5.0
@@ -108,6 +110,16 @@ def with_objects(
     )
 
 
+def counted_of(
+    goals: Sequence[Goal], site: PlanSite, law: Detectability, request: Request
+) -> dict[str, Callable[[pd.DataFrame], BoolArray]]:
+    """Returns, for each goal by its column, which objects of a table count for it."""
+    return {
+        one.column: partial(_of_table, one.what, one.within_m, site=site, law=law, request=request)
+        for one in goals
+    }
+
+
 def _counted(
     what: str,
     within_m: float | None,
@@ -117,7 +129,18 @@ def _counted(
     request: Request,
 ) -> BoolArray:
     """Returns which objects count for a goal: (objects,)."""
-    table = objects.table
+    return _of_table(what, within_m, objects.table, site=site, law=law, request=request)
+
+
+def _of_table(
+    what: str,
+    within_m: float | None,
+    table: pd.DataFrame,
+    *,
+    site: PlanSite,
+    law: Detectability,
+    request: Request,
+) -> BoolArray:
     person = table.person.to_numpy(bool)
     known = ~person | (law.people is not None)
     if within_m is None:
@@ -225,9 +248,9 @@ def _best_sets(units: Units, request: Request) -> list[Choice]:
 
 def front_of(
     options: Options,
-    in_choice: Sequence[Prediction],
     rows: pd.DataFrame,
     goals: Sequence[Goal],
+    probability: Sequence[FloatArray],
     units: Units,
     objects: Objects,
     law: Detectability,
@@ -235,24 +258,10 @@ def front_of(
 ) -> Front:
     """Returns the front.
 
-    in_choice: what each option finds in the frames of the choice. rows: the rows of the options in
-    `option_table`.
+    rows: the rows of the options in `option_table`. probability: of each option, (objects,) that it
+    finds each object.
     """
     numbers = range(1, len(options) + 1)
-    shares = pd.DataFrame(
-        {
-            key: value
-            for goal in goals
-            for key, value in (
-                *ends(goal.column, prediction.shares[goal.column], 100).items(),
-                (f"{goal.column}_in_choice", 100 * before.shares[goal.column].value),
-            )
-        }
-        for (_, prediction), before in zip(options, in_choice, strict=True)
-    )
-    shares.index = pd.Index(numbers)
-    shares = shares[[name for name in shares if name not in rows]]
-    table = rows.join(shares, on="option").reset_index(drop=True)
     sentences = tuple(
         tuple(_sentences(one, rows[rows.option == n], goals, request))
         for n, one in zip(numbers, options, strict=True)
@@ -262,44 +271,31 @@ def front_of(
         for n, (choice, _) in zip(numbers, options, strict=True)
         for item, span in units.parts(choice.units).items()
     )
-    cells = _cells([prediction.probability for _, prediction in options], objects)
     doubtful = dict.fromkeys(one.name for one in units.lidars if not one.confirmed)
     return Front(
-        table,
+        rows,
         tuple(goals),
         sentences,
         costs,
-        cells,
+        _cells(probability, objects),
         objects.frames,
         law.pilot,
         (*doubtful, *units.costs.unconfirmed),
     )
 
 
-def with_columns_of(table: pd.DataFrame, options: pd.DataFrame) -> pd.DataFrame:
-    """Returns the table of a front with the simulated figures and the recall in rain.
-
-    Only the options in `options` have these figures. They are NaN for all other options.
-    """
-    keys = ["option", "unit"]
-    later = [name for name in options if name not in table or name.endswith("_simulated")]
-    later += [name for name in options if "_simulated_" in name and name not in later]
-    left = table.drop(columns=[name for name in later if name in table])
-    return left.merge(options[keys + later], on=keys, how="left")
-
-
 def _sentences(
-    option: tuple[Choice, Prediction],
+    option: tuple[Choice, Standing],
     rows: pd.DataFrame,
     goals: Sequence[Goal],
     request: Request,
 ) -> Iterator[str]:
     """Yields the sentence of an option for each distance."""
-    choice, prediction = option
+    choice, standing = option
     for within in distances(goals):
-        of = {g.what: prediction.shares[g.column] for g in goals if g.within_m == within}
+        of = {g.what: standing.shares[g.column] for g in goals if g.within_m == within}
         near = replace(
-            prediction,
+            standing,
             recall=of.get("vehicles", UNKNOWN),
             people=of.get("pedestrians", UNKNOWN),
         )

@@ -5,7 +5,7 @@ Every pose has the evaluation region of the site's mount, so that the same objec
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -64,10 +64,15 @@ def frames_at(
     numbers: Sequence[int],
     *,
     seed: int | None = None,
+    scene: Mapping[str, object] | None = None,
     threads: int | None = None,
 ) -> SimulatedFrames:
-    """Returns the frames of a LiDAR at a pose (x y z yaw pitch; m, deg), in ascending order."""
-    keys = {f"mounts.{site.mount}.{key}": float(v) for key, v in zip(POSE, pose, strict=True)}
+    """Returns the frames of a LiDAR at a pose (x y z yaw pitch; m, deg), in ascending order.
+
+    scene: overrides of keys of the scene.
+    """
+    keys: dict[str, object] = dict(scene or {})
+    keys |= {f"mounts.{site.mount}.{key}": float(v) for key, v in zip(POSE, pose, strict=True)}
     keys[f"mounts.{site.mount}.roll_deg"] = 0.0
     world = simulation.load_scene(
         site.file,
@@ -88,13 +93,15 @@ def measure(
     detector: str = "generalist",
     *,
     seed: int | None = None,
+    scene: Mapping[str, object] | None = None,
     yaw_error_deg: float = 0.0,
 ) -> Measured:
     """Simulates an option, fused where it has several LiDARs, and evaluates a detector.
 
-    yaw_error_deg: error of the assumed yaw of each LiDAR. With an error there are no intervals.
+    scene: overrides of keys of the scene. yaw_error_deg: error of the assumed yaw of each LiDAR.
+    With an error there are no intervals.
     """
-    alone = [frames_at(site, pose, lidar, numbers, seed=seed) for pose, lidar in units]
+    alone = [frames_at(site, pose, lidar, numbers, seed=seed, scene=scene) for pose, lidar in units]
     replicates = FEWEST if yaw_error_deg else REPLICATES
     return measure_frames(fused(alone, yaw_error_deg), detector, replicates)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
@@ -15,13 +15,11 @@ import pandas as pd
 from pyinfra.core.files import replacing
 from pyinfra.core.names import path_of
 from pyinfra.core.public import public
-from pyinfra.experiments.planner.answer import (
-    Answer,
-    candidate_table,
-    option_table,
-)
+from pyinfra.dataset import simulation
+from pyinfra.experiments.planner.answer import LISTED, Answer, answer_of, few_positions
 from pyinfra.experiments.planner.areas import crossings_of, read_areas
 from pyinfra.experiments.planner.candidates import (
+    POSE,
     PoseGrid,
     checked_grid,
     feasible,
@@ -29,24 +27,32 @@ from pyinfra.experiments.planner.candidates import (
     read_candidates,
     with_faults,
 )
-from pyinfra.experiments.planner.check import check, check_yaw, checked_lines
+from pyinfra.experiments.planner.check import Counted, Found, simulate_option, standing
+from pyinfra.experiments.planner.choice import Choice, Units
 from pyinfra.experiments.planner.costs import Costs, read_costs
-from pyinfra.experiments.planner.decide import decide, few_positions, units_of
+from pyinfra.experiments.planner.decide import (
+    considered,
+    first_at_each_place,
+    kind_of,
+    listed,
+    moves_of,
+    options_of,
+    units_of,
+)
 from pyinfra.experiments.planner.detectability import Detectability, read_detectability
 from pyinfra.experiments.planner.front import (
     Front,
+    counted_of,
     front_of,
     front_options,
     goals_of,
     masks_of,
-    with_columns_of,
     with_objects,
 )
 from pyinfra.experiments.planner.kept import described, keep_request
 from pyinfra.experiments.planner.lidars import PlanLidar, common_period_s, open_lidars
 from pyinfra.experiments.planner.predict import Prediction, predict
 from pyinfra.experiments.planner.race import Race, race
-from pyinfra.experiments.planner.rain import WITH_WEATHER, in_rain, rain_lines
 from pyinfra.experiments.planner.refusals import (
     affordable,
     check_settings,
@@ -56,15 +62,24 @@ from pyinfra.experiments.planner.refusals import (
 )
 from pyinfra.experiments.planner.request import Request, checked
 from pyinfra.experiments.planner.sensitivity import (
-    loss_lines,
-    price_lines,
+    RAIN,
+    RAIN_MM_PER_H,
+    WITH_WEATHER,
+    cases_of,
+    change_line,
+    changed_rows,
+    price_line,
     table_of,
-    with_rain,
-    with_yaw_errors,
-    yaw_lines,
+    with_rows,
 )
 from pyinfra.experiments.planner.site import PlanSite, open_site, other_traffic, scene_path
+from pyinfra.experiments.planner.tables import candidate_table, ends, option_table
 from pyinfra.experiments.planner.unseen import UNSEEN_FRAMES, observed_again
+from pyinfra.experiments.planner.verdict import PREDICTED, Standing, in_order
+
+MOST_SIMULATED = 6  # options that are simulated in full, beside one of another kind
+RAIN_FRAMES = 24
+Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +88,10 @@ class Plan:
 
     Attributes
     ----------
-    options : a row for each LiDAR of each option; the chosen option is number 1
+    options : a row for each LiDAR of each option; the chosen option is number 1. `share` with its
+        interval decides, and `verdict` says whether it meets the request
     candidates : a row for each pose and LiDAR that was considered
-    sensitivity : what is chosen and found with other prices, a lost LiDAR, rain and a yaw error
+    sensitivity : what is chosen and found with other prices, a lost LiDAR, and what `what_if` adds
     front : the options that are best for some budget, wanted share, number of poles and LiDARs
     text : the answer in sentences
     """
@@ -93,6 +109,11 @@ class Plan:
     @property
     def text(self) -> str:
         return "\n".join(self.answer.lines)
+
+    @property
+    def verdict(self) -> str:
+        """Whether option 1 meets the request: `met`, `not met`, or `not known`."""
+        return self.answer.verdict
 
 
 @public()
@@ -118,6 +139,7 @@ def plan(
     seed: int | None = None,
     frames: int = 96,
     check_frames: int = 30,
+    what_if: bool = False,
     out: str | os.PathLike[str] | None = None,
     jobs: int = 1,
     progress: Callable[[str], None] | None = None,
@@ -125,7 +147,8 @@ def plan(
     """Chooses poles, heights and LiDARs for a site within a budget.
 
     Many poses and LiDARs are observed in a few frames, and those that may be the best in more. A
-    detector's detectability turns what they see into the share of objects that it finds.
+    detector's detectability turns what they see into the share of objects that it finds. The best
+    options are simulated in full, and the measured share then decides.
 
     Parameters
     ----------
@@ -148,8 +171,9 @@ def plan(
     years : years of use that the price includes
     preset, seed : preset of the LiDARs, and seed of the traffic
     frames : most frames of a pose
-    check_frames : frames in which the best options are simulated in full, with other traffic; 0
-        for none
+    check_frames : frames in which the best options are simulated in full, with three further
+        traffic seeds; 0 for none
+    what_if : also simulate option 1 with a changed mast, traffic, weather and a lost LiDAR
     out : folder for the tables and answer.txt; an interrupted plan resumes there
     jobs : number of threads
     progress : called with a line for each stage
@@ -210,50 +234,29 @@ def plan(
     parts = None if folder is None else folder / "observations"
     tell = progress or (lambda _: None)
     run = race(site, free, units, pairs, request, law, jobs=jobs, folder=parts, progress=tell)
-    result = decided(site, request, law, table_of_costs, table, units, run, jobs, parts)
+    steps = Steps(site, request, law, table_of_costs, free, units, run, check_frames, tell)
+    result = chosen(steps, table, what_if=what_if, jobs=jobs, folder=parts)
     prices = lowest_prices(asked, free, table_of_costs)
     above = {name: usd for name, usd in prices.items() if usd > request.budget_usd}
     result = replace(result, above_budget=above)
-    if check_frames:
-        result = simulated(result, units, check_frames, tell)
     if folder is not None:
         write(result, folder)
     return result
 
 
-def simulated(
-    result: Plan, lidars: Sequence[PlanLidar], frames: int, progress: Callable[[str], None]
-) -> Plan:
-    """Returns the plan with the measured figures of its best options."""
-    request = result.request
-    options = check(
-        result.site,
-        result.options,
-        lidars,
-        request.detector,
-        request.within_m,
-        frames=frames,
-        progress=progress,
-    )
-    errors = check_yaw(
-        result.site, options, lidars, request.detector, request.within_m, frames=frames
-    )
-    lines = (
-        *result.answer.lines,
-        *checked_lines(
-            options,
-            request,
-            len(result.site.other_frames(frames)),
-            recorded=result.site.recorded,
-        ),
-        *yaw_lines(errors),
-    )
-    return replace(
-        result,
-        options=options,
-        sensitivity=with_yaw_errors(result.sensitivity, options, errors),
-        answer=replace(result.answer, lines=lines),
-    )
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """What the choice needs of the steps before it."""
+
+    site: PlanSite
+    request: Request
+    law: Detectability
+    costs: Costs
+    poses: pd.DataFrame  # that are possible
+    lidars: Sequence[PlanLidar]
+    run: Race
+    check_frames: int
+    tell: Tell
 
 
 def candidates(site: PlanSite, file: Path | None, request: Request, grid: PoseGrid) -> pd.DataFrame:
@@ -263,39 +266,30 @@ def candidates(site: PlanSite, file: Path | None, request: Request, grid: PoseGr
     return with_faults(make_candidates(site, request.within_m, grid), site)
 
 
-def decided(
-    site: PlanSite,
-    request: Request,
-    law: Detectability,
-    costs: Costs,
-    table: pd.DataFrame,
-    lidars: Sequence[PlanLidar],
-    run: Race,
-    jobs: int = 1,
-    folder: Path | None = None,
+def chosen(
+    steps: Steps, table: pd.DataFrame, *, what_if: bool, jobs: int, folder: Path | None
 ) -> Plan:
-    """Chooses among the pairs that stayed, and returns the plan."""
-    poses = feasible(table, site)
-    units = units_of(run, poses, lidars, costs, law, request)
+    """Predicts and simulates the options of the pairs that stayed, and chooses among them.
+
+    table: all poses, with their faults.
+    """
+    site, request, law, run = steps.site, steps.request, steps.law, steps.run
+    units = units_of(run, steps.poses, steps.lidars, steps.costs, law, request)
     goals = goals_of(site, run.objects, law, request)
-    best = front_options(units, goals, request)
-    decision = decide(run, units, best, law, request, masks_of(goals))
-    options, listed = decision.options, decision.options[: decision.listed]
-    changed = [move.choice for move in decision.moves if move.choice is not None]
+    best = considered(units, request)
+    options = options_of(best, front_options(units, goals, request), units, request)
     frames = min(request.frames, UNSEEN_FRAMES)
     again = partial(
         observed_again,
         stayed=run.stayed,
-        poses=poses,
-        lidars=lidars,
+        poses=steps.poses,
+        lidars=steps.lidars,
         request=request,
         jobs=jobs,
         folder=folder,
     )
-    unseen = again(other_traffic(site, frames), options=[*options, *changed])
-
-    is_unseen = bool(unseen.objects.near_vehicles.any())
-    unseen = unseen if is_unseen else run
+    unseen = again(other_traffic(site, frames), options=options)
+    unseen = unseen if unseen.objects.near_vehicles.any() else run
     goals = with_objects(goals, site, unseen.objects, law, request)
     masks = masks_of(goals)
 
@@ -303,47 +297,141 @@ def decided(
     def predicted(some: tuple[int, ...]) -> Prediction:
         return predict(unseen, some, law, request, masks)
 
-    shown = [(one, predicted(one.units)) for one in options]
-    rows_of_all = option_table(shown, run.stayed, poses, lidars, units, decision.in_choice)
-    rows = rows_of_all[rows_of_all.option <= len(listed)].copy()
-    every = candidate_table(table, run.pairs, poses, lidars)
-    sensitivity = table_of(options, decision.moves, units, predicted)
-    moved = [*price_lines(decision.moves, options, units, predicted), *loss_lines(sensitivity)]
-    moved += few_positions(poses, request)
+    standings = {one.units: Standing.predicted(predicted(one.units)) for one in options}
+    found = {}
+    if steps.check_frames:
+        counted = counted_of(goals, site, law, request)
+        found = simulate_best(steps, options, standings, units, counted, predicted)
+    options, count = listed(in_order(options, standings, request), best, units)
+
+    predictions = {one.units: predicted(one.units) for one in options}
+    rows_of_all = option_table(
+        options, predictions, standings, run.stayed, steps.poses, steps.lidars, units, request
+    )
+    moves = moves_of(options, units, standings, request)
+    sensitivity = table_of(options, standings, moves, units, predicted)
     if site.preset == WITH_WEATHER:
-        rainy = again(in_rain(site, frames), options=listed)
-        wet = [predict(rainy, one.units, law, request) for one in listed]
+        wet_site = other_traffic(
+            site, min(frames, RAIN_FRAMES), {"weather.rain_mm_per_h": RAIN_MM_PER_H}
+        )
+        rainy = again(wet_site, options=options[:count])
+        wet = [predict(rainy, one.units, law, request).recall for one in options[:count]]
+        row = {"case": RAIN, "option": 1, "chosen": "yes", "source": PREDICTED}
         if rainy.objects.near_vehicles.any():
-            moved += rain_lines([one.recall for one in wet])
-            sensitivity = with_rain(sensitivity, listed, wet, units, request.find)
-        rows["recall_in_rain"] = 100 * np.array([one.recall.value for one in wet])[rows.option - 1]
-    answer = Answer.of(
+            sensitivity = with_rows(sensitivity, [row | ends("recall", wet[0], 100)])
+        in_rain = {k: 100 * one.value for k, one in enumerate(wet, start=1)}
+        rows_of_all["recall_in_rain"] = rows_of_all.option.map(in_rain)
+    if what_if and steps.check_frames:
+        parts = parts_of(options[0], steps)
+        before = found.get(options[0].units) or simulate(steps, options[0], predicted)
+        changed = changed_rows(
+            site,
+            parts,
+            request.detector,
+            request.within_m,
+            predicted(options[0].units).cut,
+            before,
+            steps.check_frames,
+            cases_of(site, len(parts)),
+            steps.tell,
+        )
+        sensitivity = with_rows(sensitivity, list(changed))
+    rows = rows_of_all[rows_of_all.option <= count].copy()
+    every = candidate_table(table, run.pairs, steps.poses, steps.lidars)
+    stands = [(one, standings[one.units]) for one in options]
+    changes = [
+        " ".join(
+            filter(
+                None,
+                [
+                    price_line(moves, options, units, standings),
+                    few_positions(steps.poses, request),
+                ],
+            )
+        ),
+        change_line(sensitivity),
+    ]
+    answer = answer_of(
         site,
         request,
         law,
-        costs,
-        shown[: len(listed)],
+        steps.costs,
+        stands[:count],
         rows,
         every,
         units,
-        moved,
-        is_unseen=is_unseen,
+        changes,
+        steps.check_frames,
     )
-    front = front_of(
-        shown, decision.in_choice, rows_of_all, goals, units, unseen.objects, law, request
-    )
-    return Plan(site, request, rows, every, sensitivity, answer, front, tuple(lidars))
+    probability = [predictions[one.units].probability for one in options]
+    front = front_of(stands, rows_of_all, goals, probability, units, unseen.objects, law, request)
+    return Plan(site, request, rows, every, sensitivity, answer, front, tuple(steps.lidars))
+
+
+def simulate_best(
+    steps: Steps,
+    options: Sequence[Choice],
+    standings: dict[tuple[int, ...], Standing],
+    units: Units,
+    counted: Mapping[str, Counted],
+    predicted: Callable[[tuple[int, ...]], Prediction],
+) -> dict[tuple[int, ...], Found]:
+    """Simulates options until the first ones are measured, and one of another kind.
+
+    Their standings are replaced by the measured ones.
+    """
+    found: dict[tuple[int, ...], Found] = {}
+
+    def measure(one: Choice) -> None:
+        found[one.units] = simulate(steps, one, predicted)
+        now = standing(found[one.units], counted, steps.site, steps.request)
+        standings[one.units] = now
+        names = " and ".join(units.lidars[u].name for u in one.units)
+        steps.tell(f"simulated {names}: finds {100 * now.recall.value:.0f} of 100")
+
+    while len(found) < MOST_SIMULATED:
+        order = in_order(options, standings, steps.request)
+        first = first_at_each_place(order, units)[:LISTED]
+        left = [one for one in first if one.units not in found]
+        if not left:
+            break
+        measure(left[0])
+    order = in_order(options, standings, steps.request)
+    kinds = {kind_of(one, units) for one in options if one.units in found}
+    other = next((one for one in order if kind_of(one, units) not in kinds), None)
+    if other is not None:
+        measure(other)
+    return found
+
+
+def simulate(
+    steps: Steps, one: Choice, predicted: Callable[[tuple[int, ...]], Prediction]
+) -> Found:
+    """Simulates an option in full."""
+    cut = predicted(one.units).cut
+    detector, frames = steps.request.detector, steps.check_frames
+    return simulate_option(steps.site, parts_of(one, steps), detector, cut, frames)
+
+
+def parts_of(one: Choice, steps: Steps) -> list[tuple[list[float], simulation.Lidar]]:
+    """Returns pose and LiDAR of each unit of an option."""
+    stayed = steps.run.stayed.iloc[list(one.units)]
+    poses = steps.poses[POSE].to_numpy(float)[stayed.pose]
+    return [
+        (pose.tolist(), steps.lidars[lidar].unit)
+        for pose, lidar in zip(poses, stayed.lidar, strict=True)
+    ]
 
 
 def write(result: Plan, folder: Path) -> None:
-    """Writes options.csv, front.csv, candidates.csv, sensitivity.csv and answer.txt.
+    """Writes options.csv, front.csv, candidates.csv, sensitivity.csv, answer.txt and notes.txt.
 
     `existing` is yes or no there, so that rows can be a file of poses.
     """
     folder.mkdir(parents=True, exist_ok=True)
     tables = {
         "options": result.options,
-        "front": with_columns_of(result.front.table, result.options),
+        "front": result.front.table,
         "candidates": result.candidates,
     }
     for name, table in tables.items():
@@ -352,5 +440,7 @@ def write(result: Plan, folder: Path) -> None:
             table.assign(existing=words).to_csv(beside, index=False, float_format="%.6g")
     with replacing(folder / "sensitivity.csv") as beside:
         result.sensitivity.to_csv(beside, index=False, float_format="%.6g")
-    with replacing(folder / "answer.txt") as beside:
-        beside.write_text(result.text + "\n", encoding="utf-8")
+    texts = {"answer.txt": result.answer.lines, "notes.txt": result.answer.notes}
+    for name, lines in texts.items():
+        with replacing(folder / name) as beside:
+            beside.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -1,7 +1,8 @@
 """Predicts what an option finds: shares, false boxes and AP, each with an interval.
 
-An interval has two parts: the fit of the detectability (replicates over generated sites) and the
-frames of the plan (their spread). Both are added as variances.
+An interval is for the mean over an hour of other traffic. It has three parts: the fit of the
+detectability (replicates over generated sites), its error at a site that the fit has not seen, and
+the frames of the plan (their spread). They are added as variances.
 """
 
 from __future__ import annotations
@@ -83,21 +84,25 @@ def predict(
         probability = np.where(person[:, None], of_people[:, :count], probability[:, :count])
     known = ~person | (law.people is not None)
     rates = false_per_frame(law.vehicles.false.T, cut, seen_per_frame)[0].tolist()
+    std = np.where(person, law.unseen.people, law.unseen.recall)
     return Prediction(
-        recall=_interval(probability, objects.near_vehicles, objects),
-        people=_interval(probability, near & person & known, objects),
+        recall=_interval(probability, objects.near_vehicles, objects, std),
+        people=_interval(probability, near & person & known, objects, std),
         areas={
             name: _interval(
-                probability, of_name(request.areas, name, objects.table) & known, objects
+                probability, of_name(request.areas, name, objects.table) & known, objects, std
             )
             for name in dict.fromkeys(area.name for area in request.areas)
         },
-        false_per_frame=_spread(rates, 0, np.inf),
+        false_per_frame=_rate(rates, law.unseen.log_false),
         keeps_false=keeps,
         cut=cut,
-        ap=_spread(_aps(of_vehicles, law.vehicles, seen_per_frame, objects), 0, 100),
+        ap=_spread(
+            _aps(of_vehicles, law.vehicles, seen_per_frame, objects), 0, 100, law.unseen.ap**2
+        ),
         shares={
-            name: _interval(probability, counted & known, objects) for name, counted in more.items()
+            name: _interval(probability, counted & known, objects, std)
+            for name, counted in more.items()
         },
         probability=probability[:, 0],
         weighted=float(probability[:, 0] @ objects.weight / max(objects.weight.sum(), 1e-12)),
@@ -146,10 +151,12 @@ def _aps(units: Sequence[_Unit], law: Law, seen_per_frame: float, objects: Objec
     return [ap_of_counts(detected, objects.frames * rate, every) for detected, rate in pairs]
 
 
-def _interval(probability: FloatArray, counted: BoolArray, objects: Objects) -> Interval:
+def _interval(
+    probability: FloatArray, counted: BoolArray, objects: Objects, std: FloatArray
+) -> Interval:
     """Returns the share of the counted objects that is found, with its interval.
 
-    probability: (objects, 1 + replicates)
+    probability: (objects, 1 + replicates). std: (objects,) error at unseen sites.
     """
     total = int(counted.sum())
     if total == 0:
@@ -161,7 +168,18 @@ def _interval(probability: FloatArray, counted: BoolArray, objects: Objects) -> 
     residual = sums - shares[0] * counts
     frames = max(objects.frames, 2)
     by_frames = float(residual.var(ddof=1)) * frames / total**2
-    return _spread(shares, 0, 1, by_frames)
+    return _spread(shares, 0, 1, by_frames + float(std[counted].mean()) ** 2)
+
+
+def _rate(values: Sequence[float], log_std: float) -> Interval:
+    """Returns the first rate with an interval from the others and from its error at unseen sites.
+
+    The interval is symmetric in the logarithm.
+    """
+    logs = np.log(np.maximum(values, 1e-9))
+    variance = float(logs[1:].var(ddof=1)) if len(values) > 2 else 0.0
+    factor = float(np.exp(Z95 * np.sqrt(variance + log_std**2)))
+    return Interval(values[0], values[0] / factor, values[0] * factor)
 
 
 def _spread(values: Sequence[float], low: float, high: float, more: float = 0.0) -> Interval:

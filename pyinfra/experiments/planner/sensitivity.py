@@ -1,75 +1,162 @@
-"""How the choice of a plan changes with prices, failures, rain and a wrong yaw of the mounts."""
+"""How the choice of a plan changes with prices, and what it finds when something else changes.
+
+Prices and failures are computed from the shares that decide. With `what_if`, the first option is
+simulated again in the same frames with a changed mast, traffic, weather or sensor, and the
+differences are paired.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
+import numpy as np
 import pandas as pd
 
-from pyinfra.experiments.planner.check import YAW_ERROR_DEG, YawError
+from pyinfra.core.arrays import FloatArray
+from pyinfra.experiments.planner.check import Found, Parts, paired, share, simulate_option
 from pyinfra.experiments.planner.choice import Choice, Units
 from pyinfra.experiments.planner.decide import PERCENT, Move
-from pyinfra.experiments.planner.predict import Prediction
-from pyinfra.experiments.planner.rain import RAIN_MM_PER_H
+from pyinfra.experiments.planner.predict import UNKNOWN, Prediction
+from pyinfra.experiments.planner.site import PlanSite
+from pyinfra.experiments.planner.tables import Standings, ends
+from pyinfra.experiments.planner.verdict import PREDICTED, SIMULATED
 from pyinfra.metrics.comparison import Interval
 
 AS_ASKED = "as asked"
 COLUMNS = [
     "case", "option", "chosen", "lidars", "poles", "price_usd",
-    "recall", "recall_low", "recall_high", "source",
+    "recall", "recall_low", "recall_high", "change", "change_low", "change_high", "source",
 ]  # fmt: skip
 NOTHING_DETECTED = Interval(0.0, 0.0, 0.0)
+RAIN_MM_PER_H = 25.0  # heavy rain
+FURTHER_M, LOWER_M, TILT_DEG, YAW_DEG = 2.0, 0.5, 0.5, 0.5
+WITH_WEATHER = "datasheet"  # the preset whose LiDARs detect by received power
+DENSITY = "traffic.vehicles_per_km_lane"
+
 Predict = Callable[[tuple[int, ...]], Prediction]
 
 
+@dataclass(frozen=True)
+class Case:
+    """A change of the first option. `move` changes a pose (x y z yaw pitch), `scene` the scene."""
+
+    name: str
+    move: Callable[[FloatArray], FloatArray] = lambda pose: pose
+    scene: Mapping[str, object] = field(default_factory=dict)
+    lost: int | None = None  # number of a LiDAR that fails
+    yaw_error_deg: float = 0.0
+
+
+def cases_of(site: PlanSite, lidars: int) -> list[Case]:
+    """Returns the cases of `what_if` that a site and a number of LiDARs allow."""
+
+    def further(pose: FloatArray) -> FloatArray:
+        away = pose[:2] - site.centre
+        step = FURTHER_M * away / max(float(np.hypot(*away)), 1e-9)
+        return np.concatenate([pose[:2] + step, pose[2:]])
+
+    cases = [
+        Case(f"mast {FURTHER_M:g} m further from the centre", further),
+        Case(f"mast {LOWER_M:g} m lower", lambda pose: pose - np.array([0, 0, LOWER_M, 0, 0])),
+        Case(
+            f"pitch {TILT_DEG:g} degrees lower",
+            lambda pose: pose + np.array([0, 0, 0, 0, TILT_DEG]),
+        ),
+        Case(f"yaw error {YAW_DEG:g} degrees", yaw_error_deg=YAW_DEG),
+    ]
+    if not site.recorded and (density := density_of(site)):
+        cases.append(Case("twice the traffic", scene={DENSITY: min(100.0, 2 * density)}))
+    if site.preset == WITH_WEATHER:
+        cases.append(Case(RAIN, scene={"weather.rain_mm_per_h": RAIN_MM_PER_H}))
+        cases.append(Case("night", scene={"weather.sunlight_klux": 0}))
+    if lidars > 1:
+        cases += [Case(f"LiDAR {k + 1} lost", lost=k) for k in range(lidars)]
+    return cases
+
+
+RAIN = f"rain {RAIN_MM_PER_H:g} mm/h"
+
+
+def density_of(site: PlanSite) -> float:
+    """Returns the vehicles per km and lane of the scene; 0 if it has none."""
+    traffic = site.keys.get("traffic") or {}
+    return float(traffic.get("vehicles_per_km_lane") or 0)
+
+
+def changed_rows(
+    site: PlanSite,
+    parts: Parts,
+    detector: str,
+    within_m: float,
+    cut: float,
+    before: Found,
+    frames: int,
+    cases: Sequence[Case],
+    progress: Callable[[str], None],
+) -> Iterator[dict[str, object]]:
+    """Yields a row for each case, simulated in the frames of `before`.
+
+    before: the first option as it was simulated, by `simulate_option`.
+    """
+    for case in cases:
+        kept = [one for k, one in enumerate(parts) if k != case.lost]
+        moved = [(case.move(np.array(pose, float)).tolist(), lidar) for pose, lidar in kept]
+        found = simulate_option(
+            site, moved, detector, cut, frames,
+            scene=case.scene, yaw_error_deg=case.yaw_error_deg,
+        )  # fmt: skip
+        near = np.hypot(found.objects.x - site.centre[0], found.objects.y - site.centre[1])
+        counted = (near <= within_m).to_numpy(bool) & ~found.objects.person.to_numpy(bool)
+        change = paired(before, found, site, within_m)
+        row = {"case": case.name, "option": 1, "chosen": "yes", "source": SIMULATED}
+        yield row | ends("recall", share(found, counted), 100) | ends("change", change, 100)
+        progress(f"what if: {case.name}")
+
+
 def table_of(
-    options: Sequence[Choice], moves: Sequence[Move], units: Units, predicted: Predict
+    options: Sequence[Choice],
+    standings: Standings,
+    moves: Sequence[Move],
+    units: Units,
+    predicted: Predict,
 ) -> pd.DataFrame:
     """Returns a row for each case and option: other prices, and the loss of LiDARs and poles.
 
-    `chosen` is yes for the option that is chosen in a case, and no for option 1 beside it. Recall
-    in percent of the vehicles within the distance of the request.
+    `chosen` is yes for the option that is chosen in a case. Recall in percent of the vehicles
+    within the distance of the request; of a loss, the predicted share.
     """
     first = options[0]
-    number = {frozenset(one.units): k for k, one in enumerate(options, start=1)}
-    rows = [row(AS_ASKED, 1, first, units, predicted(first.units).recall)]
+    number = {one.units: k for k, one in enumerate(options, start=1)}
+
+    def row(case: str, choice: Choice, recall: Interval, source: str) -> dict[str, object]:
+        return {
+            "case": case,
+            "option": number[choice.units],
+            "chosen": "yes",
+            "lidars": " + ".join(units.lidars[u].name for u in choice.units),
+            "poles": len({int(units.place[u]) for u in choice.units}),
+            "price_usd": choice.price.middle,
+            **ends("recall", recall, 100),
+            **ends("change", UNKNOWN),
+            "source": source,
+        }
+
+    now = standings[first.units]
+    rows = [row(AS_ASKED, first, now.recall, now.source)]
     for move in moves:
         case = f"{move.prices} {move.percent:+d} %"
         if move.choice is None:
             rows.append({"case": case, "option": math.nan, "chosen": "no"})
-            continue
-        k = number.get(frozenset(move.choice.units), math.nan)
-        rows.append(row(case, k, move.choice, units, predicted(move.choice.units).recall))
+        else:
+            then = standings[move.choice.units]
+            rows.append(row(case, move.choice, then.recall, then.source))
     for case, lost in losses(first, units).items():
         left = tuple(u for u in first.units if u not in lost)
         recall = predicted(left).recall if left else NOTHING_DETECTED
-        rows.append(row(case, 1, first, units, recall))
+        rows.append(row(case, first, recall, PREDICTED))
     return pd.DataFrame(rows, columns=COLUMNS)
-
-
-def row(
-    case: str,
-    option: float,
-    choice: Choice,
-    units: Units,
-    recall: Interval,
-    *,
-    chosen: bool = True,
-    source: str = "predicted",
-) -> dict[str, object]:
-    return {
-        "case": case,
-        "option": option,
-        "chosen": "yes" if chosen else "no",
-        "lidars": " + ".join(units.lidars[u].name for u in choice.units),
-        "poles": len({int(units.place[u]) for u in choice.units}),
-        "price_usd": choice.price.middle,
-        "recall": 100 * recall.value,
-        "recall_low": 100 * recall.low,
-        "recall_high": 100 * recall.high,
-        "source": source,
-    }
 
 
 def losses(first: Choice, units: Units) -> dict[str, set[int]]:
@@ -83,108 +170,66 @@ def losses(first: Choice, units: Units) -> dict[str, set[int]]:
     return cases
 
 
-def with_rain(
-    table: pd.DataFrame,
-    options: Sequence[Choice],
-    wet: Sequence[Prediction],
-    units: Units,
-    find: float,
-) -> pd.DataFrame:
-    """Returns the table with the option that is chosen in rain, and option 1 if it is another."""
-    enough = [k for k, one in enumerate(wet) if one.recall.value >= find and one.keeps_false]
-    if enough:
-        best = min(enough, key=lambda k: options[k].price.middle)
-    else:
-        best = max(range(len(wet)), key=lambda k: wet[k].weighted)
-    case = f"rain {RAIN_MM_PER_H:g} mm/h"
-    rows = [
-        row(case, k + 1, options[k], units, wet[k].recall, chosen=k == best)
-        for k in dict.fromkeys((best, 0))
-    ]
-    return pd.concat([table, pd.DataFrame(rows, columns=COLUMNS)], ignore_index=True)
+def with_rows(table: pd.DataFrame, rows: Sequence[dict[str, object]]) -> pd.DataFrame:
+    """Returns the table with rows of the first option, which get its LiDARs and price.
+
+    A case that was simulated replaces the same case that was predicted.
+    """
+    if not rows:
+        return table
+    first = table.iloc[0][["lidars", "poles", "price_usd"]].to_dict()
+    more = pd.DataFrame([row | first for row in rows], columns=COLUMNS)
+    return pd.concat([table[~table.case.isin(more.case)], more], ignore_index=True)
 
 
-def price_lines(
-    moves: Sequence[Move], options: Sequence[Choice], units: Units, predicted: Predict
-) -> Iterator[str]:
-    """Yields how the choice changes with prices."""
-    number = {frozenset(one.units): k for k, one in enumerate(options, start=1)}
-    same = [one for one in moves if one.choice and number.get(frozenset(one.choice.units)) == 1]
+def price_line(
+    moves: Sequence[Move], options: Sequence[Choice], units: Units, at: Standings
+) -> str:
+    """Returns how the choice changes with prices."""
+    number = {one.units: k for k, one in enumerate(options, start=1)}
+    same = [one for one in moves if one.choice and number[one.choice.units] == 1]
     if len(same) == len(moves):
         kinds = list(dict.fromkeys(one.prices for one in moves))
-        yield (
+        return (
             f"The choice stays the same if {', '.join(kinds[:-1])} or {kinds[-1]} rise or fall by "
             f"{max(PERCENT)} %."
         )
-        return
+    texts = []
     for move in moves:
         if move in same:
             continue
-        way = "rise" if move.percent > 0 else "fall"
-        start = f"If {move.prices} {way} by {abs(move.percent)} %,"
+        start = (
+            f"If {move.prices} {'rise' if move.percent > 0 else 'fall'} by {abs(move.percent)} %,"
+        )
         if move.choice is None:
-            yield f"{start} no option is within the budget."
+            texts.append(f"{start} no option is within the budget.")
             continue
         names = " and ".join(units.lidars[u].name for u in move.choice.units)
-        k = number.get(frozenset(move.choice.units))
-        today = units.price(move.choice.units).middle
-        which = f"option {k} ({names})" if k else f"an option of US$ {today:,.0f} today ({names})"
-        yield (
-            f"{start} the choice is {which}, which finds "
-            f"{100 * predicted(move.choice.units).recall.value:.0f} of 100 for "
+        texts.append(
+            f"{start} the choice is option {number[move.choice.units]} ({names}), which finds "
+            f"{100 * at[move.choice.units].recall.value:.0f} of 100 for "
             f"US$ {move.choice.price.middle:,.0f}."
         )
     if same:
-        yield f"With the other price changes of {max(PERCENT)} %, the choice stays the same."
-
-
-def loss_lines(table: pd.DataFrame) -> Iterator[str]:
-    """Yields what is left of an option of several LiDARs when one of them or a pole fails."""
-    lost = table[table.case.str.endswith(" lost")]
-    if len(lost) > 1:
-        texts = [
-            f"{row.recall:.0f} without {row.case.removesuffix(' lost')}"
-            for row in lost.itertuples()
-        ]
-        yield f"Of 100 vehicles, the first option finds {', '.join(texts)}."
-
-
-def with_yaw_errors(
-    table: pd.DataFrame, options: pd.DataFrame, errors: Sequence[YawError]
-) -> pd.DataFrame:
-    """Returns the table with the options that were simulated with an error of the yaw."""
-    rows = []
-    for error in errors:
-        units = options[options.option == error.option]
-        rows.append(
-            {
-                "case": f"yaw error {YAW_ERROR_DEG:g} deg",
-                "option": error.option,
-                "chosen": "yes" if error.option == 1 else "no",
-                "lidars": " + ".join(units.lidar),
-                "poles": units.poles.iloc[0],
-                "price_usd": units.price_usd.iloc[0],
-                "recall": error.with_error,
-                "source": "measured",
-            }
+        texts.append(
+            f"With the other price changes of {max(PERCENT)} %, the choice stays the same."
         )
-    return pd.concat([table, pd.DataFrame(rows, columns=COLUMNS)], ignore_index=True)
+    return " ".join(texts)
 
 
-def yaw_lines(errors: Sequence[YawError]) -> Iterator[str]:
-    """Yields a sentence with the measured recall of each option with and without a yaw error.
-
-    It adds whether the last option then finds more than the first one.
-    """
-    known = [one for one in errors if math.isfinite(one.without)]
-    if not known:
-        return
+def change_line(table: pd.DataFrame) -> str:
+    """Returns what the first option finds when a LiDAR fails or something else changes."""
+    lost = table[table.case.str.endswith(" lost") & (table.recall > 0)]
     texts = [
-        f"option {one.option} finds {one.with_error:.0f} of 100 ({one.without:.0f} without)"
-        for one in known
+        f"{row.recall:.0f} of 100 without {row.case.removesuffix(' lost')} ({row.source})"
+        for row in lost.itertuples()
     ]
-    text = f"With a yaw error of {YAW_ERROR_DEG:g} degrees, {' and '.join(texts)}"
-    first, last = known[0], known[-1]
-    if first.without >= last.without and round(first.with_error) < round(last.with_error):
-        text += f"; option {last.option} finds more then"
-    yield f"{text}."
+    others = table[table.case.isin([RAIN]) & (table.source == PREDICTED)]
+    texts += [f"{row.recall:.0f} in {row.case} ({row.source})" for row in others.itertuples()]
+    done = table[(table.source == SIMULATED) & table.change.notna() & ~table.index.isin(lost.index)]
+    texts += [
+        f"{row.recall:.0f} with {row.case} ({row.change:+.0f} [{row.change_low:+.0f} to "
+        f"{row.change_high:+.0f}])"
+        for row in done.itertuples()
+    ]
+    return f"The first option finds {', '.join(texts)}." if texts else ""

@@ -31,22 +31,36 @@ const names = (one) => {
 };
 const isDistance = () => D.goals.some((goal) => goal.what === state.what && goal.within !== null);
 const goal = () => D.goals.findIndex((one) => one.what === state.what && (one.within === null || one.within === state.within));
-const share = (one) => one.shares[goal()] ?? [null, null, null];  // in other traffic
-const inChoice = (one) => one.by[goal()] ?? 0;  // in the frames of the choice
+const share = (one) => one.shares[goal()] ?? [null, null, null];  // simulated where it was, predicted elsewhere
 /* What orders options: as in the plan, the weighted share, as long as its own question is asked. */
-const worth = (one) => goal() === 0 ? one.weighted : inChoice(one);
+const worth = (one) => goal() === 0 ? one.weighted : share(one)[0];
 const counted = () => isDistance() ? `${state.what} within ${state.within} m` : `objects at ${state.what}`;
 
-/* ---- the choice: the rule of the plan, which uses the frames of the choice alone ---- */
+/* ---- the choice: the rule of the plan (planner/verdict.py), by the share that decides ---- */
 const isAllowed = (one) => one.price[0] <= state.budget && one.poles <= state.poles
   && one.units.every((unit) => state.lidars.has(unit.lidar));
-const finds = (one) => share(one)[0] !== null && share(one)[0] >= state.find && one.keeps_false;
-const isEnough = (one) => inChoice(one) >= state.find && one.keeps_false_in_choice;
-
+const mostFalse = D.request.most_false ?? Infinity;
+function verdict(one) {
+  const [value, low, high] = share(one), [, least, most] = one.false;
+  if (value === null || low === null) return "not known";
+  if (high < state.find || least > mostFalse) return "not met";
+  return low >= state.find && most <= mostFalse ? "met" : "not known";
+}
+function rank(one) {
+  const met = verdict(one);
+  if (met === "met") return 0;
+  return met === "not known" && share(one)[0] >= state.find && one.false[0] <= mostFalse ? 1 : 2;
+}
 function order(a, b) {
-  if (isEnough(a) !== isEnough(b)) return isEnough(a) ? -1 : 1;
-  const price = a.price[0] - b.price[0], recall = worth(b) - worth(a);
-  return (isEnough(a) ? price || recall : recall || price) || a.number - b.number;
+  const first = rank(a), price = a.price[0] - b.price[0], most = worth(b) - worth(a);
+  return first - rank(b) || (first < 2 ? price || most : most || price) || a.number - b.number;
+}
+/* Whether an option is cheaper than another and finds as much, both simulated. */
+const beats = (a, b) => a.source === "simulated" && b.source === "simulated" && a.price[0] < b.price[0]
+  && share(a)[0] >= share(b)[0] && worth(a) >= worth(b) && a.false[0] <= b.false[0];
+function choose(some) {
+  const first = [...some].sort(order)[0];
+  return some.filter((one) => beats(one, first)).sort((a, b) => a.price[0] - b.price[0])[0] ?? first;
 }
 
 /* Options that no other one beats in price and share, cheapest first. */
@@ -66,14 +80,14 @@ const doubtful = (one) => D.unconfirmed.filter((name) => D.costs.includes(name) 
 function answer(one, picked, some) {
   const [value, low, high] = share(one);
   const interval = low === null ? "" : ` <span>[${shown(low)} to ${shown(high)}]</span>`;
-  const meets = finds(one) && isAllowed(one);
+  const met = isAllowed(one) ? verdict(one) : "not met";
+  const [mark, word, kind] = { met: ["\u2713", "Met", "meets"], "not met": ["\u2717", "Not met", "misses"], "not known": ["?", "Not known", "unsure"] }[met];
   const lines = D.distances.indexOf(isDistance() ? state.within : D.request.within);
   const figure = (title, text, more = "") => `<div><dt>${title}</dt><dd>${text}${more ? `<small>${more}</small>` : ""}</dd></div>`;
   const people = D.goals.findIndex((g) => g.what === "pedestrians" && g.within === state.within);
-  const done = one.simulated;
   at("answer-body").innerHTML = `
-<p class="status ${meets ? "meets" : "misses"}">${meets ? "\u2713 Meets" : "\u2717 Does not meet"} what is asked: ${state.find} of 100 ${escaped(counted())}, ${rare ? `${rare}, ` : ""}at most ${usd(state.budget)} and ${plural(state.poles, "pole")}.</p>
-<p class="headline">Option ${one.number} finds ${found(value)} of 100 ${escaped(counted())} in a frame${interval}</p>
+<p class="status ${kind}">${mark} ${word}: ${state.find} of 100 ${escaped(counted())}, ${rare ? `${rare}, ` : ""}at most ${usd(state.budget)} and ${plural(state.poles, "pole")}.</p>
+<p class="headline">Option ${one.number} finds ${found(value)} of 100 ${escaped(counted())} in a frame${interval}, ${one.source}</p>
 <dl class="figures">
 ${figure(`Price over ${D.request.years} years`, usd(one.price[0]), `${usd(one.price[1])} to ${usd(one.price[2])}${doubtful(one).length ? ", unconfirmed" : ""}`)}
 ${figure("LiDARs", escaped(names(one)), `on ${plural(one.poles, "pole")}`)}
@@ -81,25 +95,23 @@ ${people >= 0 && state.what !== "pedestrians" ? figure("Pedestrians found of 100
 ${figure("False boxes a frame", within(one.false, 1))}
 ${figure("AP of all vehicles", within(one.ap))}
 ${figure(`Vehicles found in rain, ${D.request.within} m`, one.rain === null ? "not computed" : `${shown(one.rain)} of 100`)}
-${figure(`Vehicles simulated in full, ${D.request.within} m`, done ? `${shown(done.recall)} of 100` : "not simulated", done ? `AP ${within([done.ap, done.ap_low, done.ap_high])}; 95 % of positions within ${shown(done.position_m, 1)} m` : "the figures are predicted")}
+${figure("95 % of the positions within", one.position === null ? "not simulated" : `${shown(one.position, 1)} m`)}
 </dl>
 <p>${escaped(one.text[lines])}</p>
 <ul class="notes">${notes(one, picked, some).map((line) => `<li>${escaped(line)}</li>`).join("")}</ul>`;
-  at("brief").textContent = `${meets ? "\u2713" : "\u2717"} Option ${one.number}: ${found(value)} of 100, ${usd(one.price[0])}`;
+  at("brief").textContent = `${mark} Option ${one.number}: ${found(value)} of 100, ${usd(one.price[0])}`;
 }
 
 function* noteLines(one, picked, some) {
   if (picked) yield "You picked this option. Changing a control chooses again.";
   if (!isAllowed(one)) yield "This option is outside the budget, the poles or the LiDARs that are allowed.";
-  yield `In the frames of the choice it finds ${found(inChoice(one))} of 100.`;
-  if (!isEnough(one) && !picked) {
-    const all = options.filter(isEnough).sort(order);
-    yield some.length ? `No allowed option finds ${state.find} of 100${rare ? " with so few false boxes" : ""} there; this one finds the most${D.request.has_weights && goal() === 0 ? " by the weights of the plan" : ""}.` : "";
-    yield all.length ? `Option ${all[0].number} would: ${names(all[0])} on ${plural(all[0].poles, "pole")}, ${usd(all[0].price[0])}.`
+  if (rank(one) > 1 && !picked) {
+    const all = options.filter((other) => rank(other) < 2).sort(order);
+    yield some.length ? `No allowed option finds ${state.find} of 100${rare ? " with so few false boxes" : ""}; this one finds the most${D.request.has_weights && goal() === 0 ? " by the weights of the plan" : ""}.` : "";
+    yield all.length ? `Option ${all[0].number} may: ${names(all[0])} on ${plural(all[0].poles, "pole")}, ${usd(all[0].price[0])}.`
       : "No option of this plan does.";
   }
-  if (share(one)[1] !== null && share(one)[1] < state.find && finds(one)) yield `The interval begins below ${state.find} of 100, so it may miss what is asked.`;
-  if (rare && !one.keeps_false) yield "No score keeps its false boxes that rare.";
+  if (verdict(one) === "not known" && share(one)[1] !== null) yield one.source === "simulated" ? `The interval contains ${state.find} of 100. More simulated frames, or a recording, would settle it.` : "The share is predicted. A simulation in full gives a narrower interval.";
   if (one.price[2] > state.budget) yield `It may cost up to ${usd(one.price[2])}, more than the budget.`;
   if (one.method === "greedy") yield "The search for more than two LiDARs is greedy: a better set may exist.";
   if (doubtful(one).length) yield `Prices are unconfirmed: ${doubtful(one).join(", ")}.`;
@@ -166,7 +178,7 @@ function tables(one, some) {
   const listed = at("every").checked ? [...some].sort(order) : [...best];
   if (!listed.includes(one)) listed.unshift(one);
   at("options-text").textContent = `Options of the plan: ${options.length}. The controls allow ${some.length}. No other allowed option beats ${best.length} of them in both price and share found.`;
-  at("rows").innerHTML = listed.map((o) => `<tr${o === one ? ' class="shown"' : ""}><th scope="row">${o.number}${o === one ? " (shown)" : ""}</th><td>${escaped(names(o))}</td><td class="number">${o.poles}</td><td class="number">${within(share(o))}</td><td class="number">${Math.round(o.price[0]).toLocaleString("en-US")}<small>${Math.round(o.price[1]).toLocaleString("en-US")} to ${Math.round(o.price[2]).toLocaleString("en-US")}</small></td><td class="number">${within(o.false, 1)}</td><td class="number">${within(o.ap)}</td><td class="number">${shown(o.rain)}</td><td><button type="button" data-option="${o.number}" aria-pressed="${o === one}" aria-label="Show option ${o.number}">Show</button></td></tr>`).join("");
+  at("rows").innerHTML = listed.map((o) => `<tr${o === one ? ' class="shown"' : ""}><th scope="row">${o.number}${o === one ? " (shown)" : ""}</th><td>${escaped(names(o))}</td><td class="number">${o.poles}</td><td class="number">${within(share(o))}<small>${o.source}</small></td><td class="number">${Math.round(o.price[0]).toLocaleString("en-US")}<small>${Math.round(o.price[1]).toLocaleString("en-US")} to ${Math.round(o.price[2]).toLocaleString("en-US")}</small></td><td class="number">${within(o.false, 1)}</td><td class="number">${within(o.ap)}</td><td class="number">${shown(o.rain)}</td><td><button type="button" data-option="${o.number}" aria-pressed="${o === one}" aria-label="Show option ${o.number}">Show</button></td></tr>`).join("");
   const most = Math.max(1, ...one.costs.map((cost) => cost[1]));
   const sum = [0, 1].map((k) => one.costs.reduce((total, cost) => total + cost[k], 0));
   at("costs").innerHTML = [...D.costs.map((name, k) => [name, one.costs[k]]), ["sum", sum]].map(([name, [low, high]]) => `<tr><th scope="row">${escaped(name)}</th><td class="number">${Math.round(low).toLocaleString("en-US")}</td><td class="number">${Math.round(high).toLocaleString("en-US")}</td><td>${name === "sum" || high === 0 ? "" : `<span class="cost"><i style="left:${100 * low / most}%;width:${100 * (high - low) / most}%"></i></span>`}</td></tr>`).join("");
@@ -177,7 +189,7 @@ function render() {
   const some = options.filter((one) => isAllowed(one) && share(one)[0] !== null);
   const picked = options.find((one) => one.number === state.picked);
   const pool = some.length ? some : options.filter((one) => share(one)[0] !== null);
-  const one = picked ?? (some.length ? [...pool].sort(order)[0] : [...pool].sort((a, b) => a.price[0] - b.price[0])[0]) ?? options[0];
+  const one = picked ?? (some.length ? choose(pool) : [...pool].sort((a, b) => a.price[0] - b.price[0])[0]) ?? options[0];
   at("budget-text").textContent = usd(state.budget);
   at("find-text").textContent = `${state.find} of 100`;
   answer(one, Boolean(picked), some);

@@ -10,11 +10,12 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.version import __version__
-from pyinfra.experiments.planner.front import CELL_M, Cells, Front, distances, with_columns_of
+from pyinfra.experiments.planner.front import CELL_M, Cells, Front, distances
 from pyinfra.experiments.planner.plan import Plan
+from pyinfra.experiments.planner.verdict import SIMULATED, most_false
 from pyinfra.viz.plan_page.site_map import site_map, window_of
 
-FORMAT = 3  # of the file of the data
+FORMAT = 4  # of the file of the data
 LEVELS = 50  # steps in which the share of a cell is stored
 FIRST_CODE = 48  # character code of the share 0
 COSTS = {
@@ -34,7 +35,7 @@ Row = Mapping[str, Any]
 def plan_data(plan: Plan) -> dict[str, Any]:
     """Returns the data of the page of a plan, which JSON can hold."""
     front, request, site = plan.front, plan.request, plan.site
-    table = with_columns_of(front.table, plan.options)
+    table = front.table
     cells = front.cells
     poles = plan.candidates[["x_m", "y_m"]].to_numpy(float)
     window = window_of(np.concatenate([cells.corner_m, cells.corner_m + CELL_M, poles]))
@@ -43,17 +44,18 @@ def plan_data(plan: Plan) -> dict[str, Any]:
         "version": __version__,
         "site": site.name,
         "asked": plan.answer.lines[0],
-        "lines": list(plan.answer.lines[1:]),
+        "lines": [*plan.answer.lines[1:], *plan.answer.notes],
+        "verdict": plan.answer.verdict,
+        "signed": list(plan.answer.lines),
         "request": {
             "budget": request.budget_usd,
             "find": round(100 * request.find, 6),
             "poles": request.poles,
             "within": request.within_m,
             "years": request.years,
+            "most_false": limit(most_false(request)),
             "has_weights": bool(request.people or any(one.weight for one in request.areas)),
-            "false_per_minute": request.false_per_minute
-            if math.isfinite(request.false_per_minute)
-            else None,
+            "false_per_minute": limit(request.false_per_minute),
         },
         "centre": [round(float(value), 1) for value in site.centre],
         "frames": front.frames,
@@ -72,6 +74,11 @@ def plan_data(plan: Plan) -> dict[str, Any]:
         "map_ratio": round(float(window.size[0] / window.size[1]), 3),
         "map": site_map(site, window, plan.candidates, request.areas),
     }
+
+
+def limit(value: float) -> float | None:
+    """Returns a limit, or None if there is none."""
+    return value if math.isfinite(value) else None
 
 
 def unconfirmed(front: Front) -> list[str]:
@@ -94,15 +101,16 @@ def _options(front: Front, table: pd.DataFrame, cells: Cells) -> list[dict[str, 
                 "units": [_unit(row) for row in rows.to_dict("records")],
                 "poles": int(first["poles"]),
                 "price": _rounded([first[f"price_usd{end}"] for end in ("", "_low", "_high")], 2),
-                "by": _rounded([first[f"{goal.column}_in_choice"] for goal in front.goals], 3),
-                "weighted": _rounded([first["weighted_in_choice"]], 3)[0],
-                "shares": [_interval(first, goal.column) for goal in front.goals],
-                "false": _interval(first, "false_per_frame"),
-                "keeps_false": bool(first["keeps_false"]),
-                "keeps_false_in_choice": bool(first["keeps_false_in_choice"]),
-                "ap": _interval(first, "ap_predicted"),
+                "weighted": _rounded([first["weighted"]], 3)[0],
+                "source": str(first["source"]),
+                "shares": [_deciding(first, goal.column) for goal in front.goals],
+                "predicted": _interval(first, "recall"),
+                "false": _false(first),
+                "false_predicted": _interval(first, "false_per_frame"),
+                "ap": _interval(first, "ap_simulated" if _is_done(first) else "ap_predicted"),
+                "ap_predicted": _interval(first, "ap_predicted"),
+                "position": _rounded([first["position_m_simulated"]], 2)[0],
                 "rain": _rounded([first.get("recall_in_rain", math.nan)])[0],
-                "simulated": _simulated(first),
                 "method": str(first["method"]),
                 "text": list(text),
                 "costs": [
@@ -123,14 +131,22 @@ def _unit(row: Row) -> dict[str, Any]:
     }
 
 
-def _simulated(row: Row) -> dict[str, float | None] | None:
-    """Returns the measured figures of an option, or None if it was not simulated."""
-    if not math.isfinite(row.get("recall_simulated", math.nan)):
-        return None
-    names = ("ap", "recall", "people_recall", "false_per_frame", "position_m")
-    keys = {name: f"{name}_simulated" for name in names}
-    keys |= {"ap_low": "ap_simulated_low", "ap_high": "ap_simulated_high"}
-    return {name: _rounded([row[key]], 2)[0] for name, key in keys.items()}
+def _is_done(row: Row) -> bool:
+    return bool(row["source"] == SIMULATED)
+
+
+def _deciding(row: Row, column: str) -> list[float | None]:
+    """Returns the share of a goal: simulated if the option was and the goal has objects there."""
+    done = math.isfinite(row.get(f"{column}_simulated", math.nan))
+    return _interval(row, f"{column}_simulated" if done else column)
+
+
+def _false(row: Row) -> list[float | None]:
+    """Returns the false boxes that decide; if no score makes them rarer, none below the value."""
+    if _is_done(row):
+        return _interval(row, "false_per_frame_simulated")
+    value, low, high = _interval(row, "false_per_frame")
+    return [value, low if row["keeps_false"] else value, high]
 
 
 def _interval(row: Row, column: str, digits: int = 3) -> list[float | None]:
