@@ -62,16 +62,17 @@ def simulate_option(
     cut: float,
     frames: int = FRAMES,
     *,
+    traffic: Sequence[tuple[int, tuple[int, ...]]] = (),
     scene: Mapping[str, object] | None = None,
     yaw_error_deg: float = 0.0,
 ) -> Found:
     """Simulates an option, and returns what boxes of a score of `cut` or above find.
 
-    scene: overrides of keys of the scene. yaw_error_deg: error of the assumed yaw of each LiDAR;
+    traffic: seeds and the frames of each; by default those of `traffic_of`. scene: overrides of keys of the scene. yaw_error_deg: error of the assumed yaw of each LiDAR;
     several LiDARs are turned alternately to the left and to the right.
     """
     tables, false, aps, away, start = [], [], [], [], 0
-    for seed, numbers in traffic_of(site, frames):
+    for seed, numbers in traffic or traffic_of(site, frames):
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", ".* used on frames")  # the answer says it once
             result = measure(

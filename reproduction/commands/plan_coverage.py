@@ -1,0 +1,147 @@
+"""Compares the intervals of plans with what the options find in other traffic.
+
+At generated sites that no fit has used, `pyinfra plan` predicts and simulates options of two
+LiDARs. Each simulated option is then simulated in further traffic seeds, which stand for an hour
+of traffic. An interval should contain their mean for 95 % of the options. The command adds a row
+for each option and figure as they are made, and NAME_summary.csv with the share of intervals that
+contain the mean and their half-widths. Run it again to resume. The full size is
+
+    python -m reproduction plan_coverage --work data/coverage --sites 20 --seeds 10 --frames 30
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import pandas as pd
+
+from pyinfra.core.errors import Error
+from pyinfra.experiments import store
+from pyinfra.experiments.planner.candidates import PoseGrid
+from pyinfra.experiments.planner.check import simulate_option, standing
+from pyinfra.experiments.planner.lidars import open_lidars
+from pyinfra.experiments.planner.plan import plan
+from pyinfra.experiments.planner.site import frame_order
+from pyinfra.experiments.planner.tables import units_at
+from pyinfra.metrics.comparison import over_replicates
+from reproduction import add_out, provenance, work_folder
+from reproduction.detectability.runs import scene_file_of
+
+FIRST_SITE = 800_100  # of the scene generator; the check of the detectability ends before it
+LIDARS = ("helios_16", "pandar_64", "livox_avia", "ruby_plus", "hesai_xt32", "livox_horizon")
+GRID = PoseGrid(every_m=30.0, heights_m=(5.0,), pitches_deg=(0.0, 10.0))
+BUDGET_USD, WITHIN_M, PEOPLE = 60_000.0, 60.0, 1.0
+FIRST_SEED = 100  # of the further traffic, after the seeds of the plan
+KEY = ["site", "option", "figure", "source"]
+
+
+def rows_of(
+    number: int, frames: int, check_frames: int, seeds: int, work: Path
+) -> Iterator[dict[str, object]]:
+    """Yields the rows of a site."""
+    site_number = FIRST_SITE + number
+    names = [LIDARS[(2 * number + k) % len(LIDARS)] for k in (0, 1)]
+    file = scene_file_of(site_number, work)
+    result = plan(
+        file, BUDGET_USD, within_m=WITHIN_M, people=PEOPLE, lidars=names, grid=GRID, frames=24,
+        check_frames=check_frames,
+    )  # fmt: skip
+    site, request = result.site, result.request
+    lidars = open_lidars(names, site)
+    traffic = [(FIRST_SEED + k, frame_order(site.every_frame, frames)) for k in range(seeds)]
+    for option, rows in result.options[result.options.source == "simulated"].groupby("option"):
+        first = rows.iloc[0]
+        parts = units_at(result.options, int(option), lidars)
+        each = [
+            simulate_option(site, parts, request.detector, float(first.score), traffic=[one])
+            for one in traffic
+        ]
+        found = [standing(one, {}, site, request) for one in each]
+        figures = {
+            "recall": ("recall", "recall_simulated", [100 * one.recall.value for one in found]),
+            "people_recall": (
+                "people_recall", "people_recall_simulated",
+                [100 * one.people.value for one in found],
+            ),
+            "false_per_frame": (
+                "false_per_frame", "false_per_frame_simulated",
+                [one.false_per_frame.value for one in found],
+            ),
+            "ap": ("ap_predicted", "ap_simulated", [one.ap.value for one in found]),
+        }  # fmt: skip
+        for figure, (before, after, values) in figures.items():
+            mean = over_replicates([one for one in values if one == one])
+            for source, column in (("predicted", before), ("simulated", after)):
+                yield {
+                    "site": site_number,
+                    "option": int(option),
+                    "figure": figure,
+                    "source": source,
+                    "lidar": " + ".join(rows.lidar),
+                    "value": first[column],
+                    "low": first[f"{column}_low"],
+                    "high": first[f"{column}_high"],
+                    "mean": mean.value,
+                    "mean_low": mean.low,
+                    "mean_high": mean.high,
+                    "seeds": len(values),
+                }
+
+
+def summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Returns the share of intervals that contain the mean, and their mean half-width."""
+    known = table.dropna(subset=["low", "high", "mean"])
+    groups = {("all",): known} | {(name,): part for name, part in known.groupby("lidar")}
+    rows = []
+    for (lidar,), part in groups.items():
+        for (figure, source), some in part.groupby(["figure", "source"]):
+            inside = (some.low <= some["mean"]) & (some["mean"] <= some.high)
+            rows.append(
+                {
+                    "lidar": lidar,
+                    "figure": figure,
+                    "source": source,
+                    "options": len(some),
+                    "inside_percent": 100 * inside.mean(),
+                    "half_width": (some.high - some.low).mean() / 2,
+                    "bias": (some.value - some["mean"]).mean(),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--work", type=work_folder, required=True, help="folder for sites")
+    parser.add_argument("--sites", type=int, default=20, help="sites; default: 20")
+    parser.add_argument("--seeds", type=int, default=10, help="traffic seeds; default: 10")
+    parser.add_argument("--frames", type=int, default=30, help="frames of a seed; default: 30")
+    parser.add_argument(
+        "--check-frames", type=int, default=30, help="frames of the plan's simulation; default: 30"
+    )
+    add_out(parser, "plan_coverage.csv")
+    args = parser.parse_args()
+    warnings.simplefilter("ignore")
+    args.work.mkdir(parents=True, exist_ok=True)
+    sizes = f"--sites {args.sites} --seeds {args.seeds} --frames {args.frames}"
+    made_by = provenance(f"plan_coverage {sizes} --check-frames {args.check_frames}")
+    text = ["figure", "source", "lidar"]
+    for number in range(args.sites):
+        known = store.read(args.out, text)
+        if not known.empty and (known.site == FIRST_SITE + number).any():
+            continue
+        try:
+            rows = list(rows_of(number, args.frames, args.check_frames, args.seeds, args.work))
+        except Error as error:  # no traffic in the region, or no free pose
+            print(f"site {FIRST_SITE + number}: left out: {error}", flush=True)
+            continue
+        store.put(args.out, pd.DataFrame(rows).assign(**made_by), KEY)
+        print(f"site {FIRST_SITE + number}: {len(rows)} rows", flush=True)
+    table = summary(store.read(args.out, text))
+    table.assign(**made_by).to_csv(
+        args.out.with_name(f"{args.out.stem}_summary.csv"), index=False, float_format="%.4g"
+    )
+    print(table.round(1).to_string(index=False))
