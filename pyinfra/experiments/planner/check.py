@@ -68,8 +68,9 @@ def simulate_option(
 ) -> Found:
     """Simulates an option, and returns what boxes of a score of `cut` or above find.
 
-    traffic: seeds and the frames of each; by default those of `traffic_of`. scene: overrides of keys of the scene. yaw_error_deg: error of the assumed yaw of each LiDAR;
-    several LiDARs are turned alternately to the left and to the right.
+    traffic: seeds and the frames of each; by default those of `traffic_of`. scene: overrides of
+    keys of the scene. yaw_error_deg: error of the assumed yaw of each LiDAR; several LiDARs are
+    turned alternately to the left and to the right.
     """
     tables, false, aps, away, start = [], [], [], [], 0
     for seed, numbers in traffic or traffic_of(site, frames):
