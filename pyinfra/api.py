@@ -21,6 +21,7 @@ import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.core.names import StrPath, check_name, file_or_name, path_of
+from pyinfra.core.progress import show_line
 from pyinfra.core.public import CALLER, public
 from pyinfra.dataset.catalogue import shipped
 from pyinfra.dataset.frame_sequence import FrameSequence
@@ -44,6 +45,8 @@ def train(
     seed: int = 1,
     device: str = "cpu",
     augment: Callable[..., Any] | None = None,
+    loss: Callable[..., Any] | None = None,
+    progress: Callable[..., Any] | None = None,
 ) -> TrainedDetector:
     """Trains a detector, or resumes a training that was stopped.
 
@@ -63,6 +66,10 @@ def train(
     device : torch device
     augment : further augmentation: a function of points (n, 4), boxes (k, 7), z from the road, and
         a NumPy random generator, which returns points and boxes. It must keep the number of boxes
+    loss : a function of the losses of a step, a dict of PyTorch scalars by name, and of its batch,
+        which returns such a dict; the sum of its values is minimised
+    progress : called after each step with an object that has `step`, `steps`, `rate`, `loss`, and
+        `parts`, the losses by name; in any case terminals and notebooks show a bar
 
     Returns
     -------
@@ -101,7 +108,7 @@ def train(
     recipe = read_recipe(file_or_name(config, shipped("detectors"), "config"), tier)
     if steps is not None:
         recipe = replace(recipe, learning=replace(recipe.learning, steps=steps))
-    recipe = replace(recipe, hook=augment)
+    recipe = replace(recipe, hook=augment, loss=loss)
     if work is None:
         work = tempfile.mkdtemp(prefix="pyinfra_train_")
         atexit.register(shutil.rmtree, work, ignore_errors=True)
@@ -115,7 +122,7 @@ def train(
     ]
     for text in filter(None, (source.read_warning() for source in sources)):
         warnings.warn(f"other-types: {text}", stacklevel=CALLER)
-    model = training.train(recipe, sources, Path(work), seed=seed, device=device)
+    model = training.train(recipe, sources, Path(work), seed=seed, device=device, watch=progress)
     return load_detector(model, device=device)
 
 
@@ -170,7 +177,7 @@ def benchmark(
     from pyinfra.experiments.benchmark.matrix import read_plan
     from pyinfra.experiments.benchmark.runner import benchmark as run
     from pyinfra.experiments.benchmark.workspace import Workspace
-    from pyinfra.experiments.pool import Pool, silent
+    from pyinfra.experiments.pool import Pool
     from pyinfra.experiments.store import read
 
     check_name(tier, TIERS, "tier")
@@ -180,8 +187,8 @@ def benchmark(
     plan = read_plan(file, tier, os.fspath(scene))
     workspace = Workspace(Path(work), Path(out), tier)
     if latency:
-        time_again(plan, workspace, device=device, progress=progress or silent)
+        time_again(plan, workspace, device=device, progress=progress or show_line)
     else:
         pool = Pool("local", jobs, "", gpu=device != "cpu")
-        run(plan, workspace, pool, device=device, progress=progress or silent)
+        run(plan, workspace, pool, device=device, progress=progress or show_line)
     return read(workspace.table("experiments"))

@@ -5,14 +5,18 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pyinfra.core.errors import Error
 from pyinfra.core.names import StrPath, check_name, path_of
 from pyinfra.core.public import CALLER, public
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
 from pyinfra.dataset.loading import load_dataset, one_lidar
+
+if TYPE_CHECKING:
+    from pyinfra.exchange.recording import Boxes
 
 
 @public(vehicles_per_hour=(0, math.inf), seed=(0, 2**31 - 1))
@@ -209,3 +213,12 @@ def export(frames: FrameSequence | StrPath, format: str, out: StrPath) -> Path:
     with on_disk(sequence, folder.parent) as lidar_folder:
         exports.export(lidar_folder, sequence.numbers, format, folder)
     return folder
+
+
+def nuscenes_results(file: Path, source: Path) -> dict[int, Boxes]:
+    """Reads results of nuScenes with the types of this package, by frame in the order of time."""
+    from pyinfra.exchange.nuscenes_tables import read_results
+    from pyinfra.exchange.object_types import types_of
+
+    found = read_results(file, source)
+    return {k: replace(boxes, names=types_of(boxes.names, {})) for k, boxes in found.items()}

@@ -50,6 +50,7 @@ LATER: frozenset[str] = frozenset(
         "Augmentation.intensity_gain",
         "Config.past_s",
         "Recipe.hook",
+        "Recipe.loss",
     )
 )
 

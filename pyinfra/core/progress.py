@@ -11,12 +11,23 @@ Item = TypeVar("Item")
 DELAY_S = 2.0  # a loop that ends sooner shows nothing
 
 
+def is_shown() -> bool:
+    """Returns whether progress is shown: on a terminal and in a notebook."""
+    return sys.stderr.isatty() or "ipykernel" in sys.modules
+
+
+def show_line(line: str) -> None:
+    """Shows a line of progress, on terminals and in notebooks."""
+    if is_shown():
+        sys.stderr.write(f"{line}\n")
+
+
 def track(items: Iterable[Item], unit: str) -> Iterator[Item]:
     """Yields the items. Shows their number so far, the rate and the time left.
 
     unit: singular name of an item, such as `frame`.
     """
-    if not (sys.stderr.isatty() or "ipykernel" in sys.modules):
+    if not is_shown():
         yield from items
         return
     from tqdm import tqdm

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -34,6 +34,7 @@ from pyinfra.dataset.ground import Ground, ground_of, ground_of_roads
 from pyinfra.dataset.object_rows import scene_objects, table_of, vehicles_of
 from pyinfra.dataset.outlines import outlines_of
 from pyinfra.dataset.regions import Region, region_of, roads_region
+from pyinfra.dataset.returns import counted, returned
 from pyinfra.dataset.roads import Road, roads_of
 from pyinfra.formats import kitti
 
@@ -218,6 +219,7 @@ class SimulatedFrames(FrameSequence):
     rows: dict[int, AnyArray] = field(default_factory=dict)  # objects of all simulated frames
     # The points and fields of the last `kept` simulated frames.
     clouds: OrderedDict[int, tuple[Float32Array, Records]] = field(default_factory=OrderedDict)
+    returns: Callable[..., Any] | None = None  # of the user: points from hits (dataset/returns.py)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "clouds": OrderedDict()}
@@ -347,7 +349,11 @@ class SimulatedFrames(FrameSequence):
         stream = simulation.simulate(self.world, [self.unit], numbers, threads=self.threads)
         for number, (frame,) in stream:
             self.rows[number] = frame.objects
-            self.clouds[number] = cloud = simulation.points(frame), simulation.fields(frame)
+            cloud = simulation.points(frame), simulation.fields(frame)
+            if self.returns is not None:
+                cloud = returned(self.returns, number, *cloud)
+                self.rows[number] = counted(frame.objects, cloud[1]["object_id"])
+            self.clouds[number] = cloud
             while len(self.clouds) > self.kept:
                 self.clouds.popitem(last=False)
             yield number, cloud

@@ -87,6 +87,7 @@ def fused(
         first.kept,
         others=tuple(others),
         errors=tuple(errors),
+        returns=first.returns,
     )
     one.roads = first.roads
     return one

@@ -31,6 +31,8 @@ from pyinfra.dataset.frame_sequence import (
     RecordedFrames,
 )
 from pyinfra.dataset.frames import frame_numbers, lidars_in
+from pyinfra.formats.ply import Triangles, write_ply
+from pyinfra.formats.yaml_file import read_keys
 
 if TYPE_CHECKING:
     from pyinfra.dataset import simulation
@@ -50,6 +52,7 @@ def load_scene(
     seed: int | None = None,
     set: Mapping[str, object] | None = None,
     mount: str = "",
+    meshes: Sequence[tuple[str, npt.ArrayLike, npt.ArrayLike]] = (),
 ) -> simulation.World:
     """Loads a scene and builds its meshes. Traffic is simulated up to the last frame requested.
 
@@ -61,6 +64,8 @@ def load_scene(
     seed : seed of traffic and noise; by default that of the scene
     set : overrides of keys, such as `{"traffic.vehicles_per_km_lane": 20}`
     mount : name of the mount; only needed if the scene has several
+    meshes : objects of your own that do not move: material (`structure`, `vegetation`, ...),
+        vertices (n, 3) in the world frame, metres, and faces (m, 3), indices of vertices
 
     Returns
     -------
@@ -82,8 +87,14 @@ def load_scene(
     if isinstance(scene, Mapping):
         more = {} if seed is None else {"seed": seed}
         keys = plain(with_overrides(scene, {**(set or {}), **more}))
+        if meshes:
+            keys["meshes"] = [*(keys.get("meshes") or []), *_mesh_files(meshes)]  # type: ignore[misc]
         return simulation.make_world(keys, preset=preset, mount=mount)
     file = file_or_name(scene, shipped("scenes"), "scene")
+    if meshes:
+        others = read_keys(file).get("meshes") or []
+        own = [{**mesh, "file": str(file.parent / mesh["file"])} for mesh in others]
+        set = {**(set or {}), "meshes": [*own, *_mesh_files(meshes)]}
     try:
         return simulation.load_scene(file, preset=preset, seed=seed, set=set, mount=mount)
     except ConfigError as error:  # the text names options of the binary instead of arguments
@@ -191,13 +202,35 @@ def with_overrides(
 def file_of_keys(keys: Mapping[str, object]) -> Path:
     """Returns a file with the keys of a LiDAR, which is removed when the process ends."""
     text = yaml.safe_dump(_with_paths(plain(keys)), sort_keys=False)
+    file = temporary_folder() / f"{sha256(text.encode()).hexdigest()[:16]}.yaml"
+    file.write_text(text)
+    return file
+
+
+def temporary_folder() -> Path:
+    """Returns a folder of this process, which is removed when the process ends."""
     folder = Path(tempfile.gettempdir()) / f"pyinfra_{os.getpid()}"
     if not folder.is_dir():
         folder.mkdir()
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    file = folder / f"{sha256(text.encode()).hexdigest()[:16]}.yaml"
-    file.write_text(text)
-    return file
+    return folder
+
+
+def _mesh_files(
+    meshes: Sequence[tuple[str, npt.ArrayLike, npt.ArrayLike]],
+) -> list[dict[str, object]]:
+    """Writes meshes to temporary files; returns the values of the key `meshes`. Raises Error."""
+    values: list[dict[str, object]] = []
+    for material, vertices, faces in meshes:
+        mesh = Triangles(np.asarray(vertices, np.float64), np.asarray(faces, np.int64))
+        for name, array in (("vertices", mesh.vertices), ("faces", mesh.faces)):
+            if array.ndim != 2 or array.shape[1] != 3:
+                raise Error(f"meshes: expected {name} (n, 3), got {array.shape}")
+        digest = sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest()[:16]
+        file = temporary_folder() / f"{digest}.ply"
+        write_ply(file, mesh)
+        values.append({"file": str(file), "material": material})
+    return values
 
 
 def _with_paths(value: Any, key: str = "") -> Any:

@@ -6,7 +6,7 @@ import math
 import operator
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
@@ -27,6 +27,7 @@ def simulate(
     frames: Sequence[int],
     *,
     mount: str | None = ...,
+    returns: Callable[..., Any] | None = ...,
     threads: int | None = ...,
 ) -> SimulatedFrames: ...
 @overload
@@ -37,6 +38,7 @@ def simulate(
     *,
     mount: list[str] | tuple[str, ...],
     fuse: Literal[True],
+    returns: Callable[..., Any] | None = ...,
     threads: int | None = ...,
 ) -> SimulatedFrames: ...
 @overload
@@ -46,6 +48,7 @@ def simulate(
     frames: Sequence[int],
     *,
     mount: list[str] | tuple[str, ...],
+    returns: Callable[..., Any] | None = ...,
     threads: int | None = ...,
 ) -> dict[str, SimulatedFrames]: ...
 @overload
@@ -55,6 +58,7 @@ def simulate(
     frames: Sequence[int],
     *,
     mount: str | None = ...,
+    returns: Callable[..., Any] | None = ...,
     threads: int | None = ...,
 ) -> dict[str, SimulatedFrames]: ...
 @public(threads=(1, math.inf))
@@ -65,6 +69,7 @@ def simulate(
     *,
     mount: str | list[str] | tuple[str, ...] | None = None,
     fuse: bool = False,
+    returns: Callable[..., Any] | None = None,
     threads: int | None = None,
 ) -> SimulatedFrames | dict[str, SimulatedFrames]:
     """Returns the frames of one or several LiDARs in a scene, simulated on demand.
@@ -79,6 +84,10 @@ def simulate(
     fuse : whether to put the points of the mounts together, in the levelled frame of the first,
         with the `calibration_error` of each mount; `fields["mount"]` is then the index of the mount
         of each point
+    returns : a model of returns of your own: a function of the hits of a frame, records (n,) with
+        x y z intensity, time_s, ring, class, echo and object_id, and of a NumPy random generator,
+        which returns the records that become points, with any changes. The hits are the points of
+        the LiDAR's own model; the preset `equal` has no loss within its range
     threads : number of threads that cast rays; by default the number of processors
 
     Returns
@@ -108,7 +117,7 @@ def simulate(
     from pyinfra.dataset import simulation
 
     if isinstance(mount, (list, tuple)) or fuse:
-        return _at_mounts(scene, lidar, frames, mount, fuse, threads)
+        return _at_mounts(scene, lidar, frames, mount, fuse, returns, threads)
     several = isinstance(lidar, (list, tuple))
     asked: list[AnyLidar] = list(lidar) if isinstance(lidar, (list, tuple)) else [lidar]
     if not asked:
@@ -130,7 +139,9 @@ def simulate(
     for unit in units if len(steps) == 1 else ():
         for text in unit.period_warnings(numbers[0], numbers[-1] + 1, *steps):
             warnings.warn(text, FindingWarning, stacklevel=CALLER)
-    sequences = {unit.name: SimulatedFrames(world, unit, numbers, threads) for unit in units}
+    sequences = {
+        unit.name: SimulatedFrames(world, unit, numbers, threads, returns=returns) for unit in units
+    }
     if len(sequences) < len(units):
         raise Error("lidar: expected different LiDARs, got the same LiDAR twice")
     for sequence in sequences.values():
@@ -154,6 +165,7 @@ def _at_mounts(
     frames: Sequence[int],
     mounts: str | list[str] | tuple[str, ...] | None,
     fuse: bool,
+    returns: Callable[..., Any] | None,
     threads: int | None,
 ) -> SimulatedFrames | dict[str, SimulatedFrames]:
     """Returns the frames of one LiDAR at several mounts, by mount or fused."""

@@ -301,3 +301,42 @@ def _boxes(tables: Tables, rows: list[Row], pose: Pose) -> Boxes:
         np.array(ids, dtype=np.int64),
         np.array(visibility, dtype=np.float64),
     )
+
+
+def read_results(file: Path, source: Path, channel: str | None = None) -> dict[int, Boxes]:
+    """Reads a result file of nuScenes; returns the boxes by frame, in the order of time from 0.
+
+    The visibility of a box is its score. source: folder of the tables. Raises FormatError.
+    """
+    tables, data = Tables(_table_folder(source)), read_json(file)
+    rows = _key_frames(tables, _sensor(tables, channel))
+    results = data.get("results") if isinstance(data, dict) else None
+    if not isinstance(results, dict):
+        raise FormatError(f"{file}: expected `results` by sample token, got none")
+    tokens = [tables.cell("sample_data", row, "sample_token") for row in rows]
+    if unknown := sorted(set(results) - set(tokens)):
+        raise FormatError(f"{file}: expected samples of {source}, got '{unknown[0]}'")
+    return {
+        i: _results(file, results.get(token, []), _pose(tables, row))
+        for i, (token, row) in enumerate(zip(tokens, rows, strict=True))
+    }
+
+
+def _results(file: Path, rows: list[Row], pose: Pose) -> Boxes:
+    """Converts the global boxes of a sample to the levelled LiDAR frame. Raises FormatError."""
+    back = Rotation.from_euler("Z", -pose.yaw)
+    try:
+        centres = np.array([row["translation"] for row in rows], float).reshape(-1, 3)
+        width, length, height = np.array([row["size"] for row in rows], float).reshape(-1, 3).T
+        turns = Rotation.from_quat(
+            np.array([np.roll(row["rotation"], -1) for row in rows]).reshape(-1, 4)
+        )
+        names = np.array([row["detection_name"] for row in rows], np.str_)
+        scores = np.array([row["detection_score"] for row in rows], float)
+    except (KeyError, TypeError, ValueError) as error:
+        raise FormatError(f"{file}: expected boxes of nuScenes' results: {error!r}") from None
+    ahead = (back * turns).apply([1.0, 0, 0]) if rows else np.empty((0, 3))
+    centres = back.apply(centres - pose.origin) if rows else centres
+    heading = np.arctan2(ahead[:, 1], ahead[:, 0])
+    boxes = np.column_stack([centres, length, width, height, heading])
+    return Boxes(names, boxes, np.full(len(rows), -1), scores)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 from pathlib import Path
 
@@ -89,7 +90,24 @@ def test_a_detector_learns_from_memory(frames: pi.FrameSequence, tmp_path: Path)
         seen.append((points.shape[1], boxes.shape[1]))
         return points, boxes
 
-    model = pi.train("centerpoint-pillar", frames, steps=2, tier="smoke", augment=augment)
+    losses: list[list[str]] = []
+    steps: list[tuple[int, int]] = []
+
+    def loss(parts: dict, batch: object) -> dict:
+        losses.append(sorted(parts))
+        return {name: 2 * value for name, value in parts.items()}
+
+    model = pi.train(
+        "centerpoint-pillar",
+        frames,
+        steps=2,
+        tier="smoke",
+        augment=augment,
+        loss=loss,
+        progress=lambda done: steps.append((done.step, done.steps)),
+    )
+    assert len(losses) == 2
+    assert steps == [(1, 2), (2, 2)]
     assert set(seen) == {(4, 7)}
     assert len(seen) >= 2
     kept = pi.load_detector(model.save(tmp_path / "kept/model.safetensors"))
@@ -232,3 +250,75 @@ def test_a_data_set_is_divided_checked_described_and_drawn(
     page = pi.view(data, tmp_path / "view.html", frames="0:12:6", predictions=found)
     assert page.read_bytes().lower().startswith(b"<!doctype html")
     assert all(file.is_file() for file in pi.pictures(data, tmp_path / "pictures"))
+
+
+# --- own models -----------------------------------------------------------------------------------
+
+
+def test_an_own_model_of_returns_decides_what_becomes_a_point() -> None:
+    def near(hits: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        kept = hits[np.hypot(hits["x"], hits["y"]) < 30].copy()
+        kept["intensity"] = rng.random(len(kept))
+        return kept
+
+    scene = pi.load_scene("highway", seed=1, set=SHORT)
+    ideal = pi.simulate(scene, "helios_16", [0])
+    ours = pi.simulate(scene, "helios_16", [0], returns=near)
+    inside = np.hypot(*ideal[0].points[:, :2].T) < 30
+    np.testing.assert_array_equal(ours[0].points[:, :3], ideal[0].points[inside, :3])
+    assert len(ours[0].fields) == inside.sum()
+    counts = ours[0].objects.set_index("id").points
+    ids = pd.Series(ours[0].fields["object_id"])
+    assert all((ids == number).sum() == count for number, count in counts.items())
+    with pytest.raises(pi.Error, match="returns: "):
+        _ = pi.simulate(scene, "helios_16", [0], returns=lambda hits, rng: 3)[0].points
+
+
+def test_an_own_mesh_hides_what_is_behind_it() -> None:
+    corners = np.array([[10, -20, 0], [10, 20, 0], [10, 20, 9], [10, -20, 9]], float)
+    pole = pi.load_scene("highway", seed=1, set=SHORT)
+    wall = ("structure", corners, [[0, 1, 2], [0, 2, 3]])
+    behind = [
+        (pi.simulate(scene, "helios_16", [0])[0].points[:, 0] > 12).sum()
+        for scene in (pole, pi.load_scene("highway", seed=1, set=SHORT, meshes=[wall]))
+    ]
+    assert behind[1] < behind[0] / 2
+    with pytest.raises(pi.Error, match="meshes: expected faces"):
+        pi.load_scene("highway", meshes=[("structure", corners, [0, 1])])
+
+
+def test_results_of_nuscenes_are_detections(frames: pi.FrameSequence, tmp_path: Path) -> None:
+    """The boxes of a result file that repeats the annotations of an export are its labels."""
+    tables = next(frames[:3].save(tmp_path / "nu", "nuscenes").glob("*/sample.json")).parent
+    rows = json.loads((tables / "sample_annotation.json").read_text())
+    results: dict[str, list] = {
+        row["token"]: [] for row in json.loads((tables / "sample.json").read_text())
+    }
+    for row in rows:
+        box = {name: row[name] for name in ("translation", "size", "rotation")}
+        box |= {"detection_name": "car", "detection_score": 0.5}
+        results[row["sample_token"]].append(box)
+    file = tmp_path / "results.json"
+    file.write_text(json.dumps({"meta": {}, "results": results}))
+    found = pi.Detections.from_nuscenes(file, tmp_path / "nu", frames[:3].numbers)
+    assert len(found) == len(rows)
+    labels = frames[:3].labels
+    for row in labels.itertuples():
+        near = found[found.frame == row.frame]
+        least = np.hypot(near.x - row.x, near.y - row.y).idxmin()
+        np.testing.assert_allclose(
+            near.loc[least, ["dx", "dy"]].tolist(), [row.dx, row.dy], atol=0.01
+        )
+        np.testing.assert_allclose(
+            near.loc[least, ["x", "y", "z"]].tolist(), [row.x, row.y, row.z], atol=1
+        )
+        assert abs(np.sin(near.heading[least] - row.heading)) < 0.02
+
+
+def test_what_functions_return_has_a_table_in_notebooks(frames: pi.FrameSequence) -> None:
+    result = pi.evaluate(frames, frames.labels.assign(score=1.0))
+    found = pi.detect(lambda points: np.empty((0, 7)), frames)
+    for thing in (frames, frames[0], result, found):
+        assert thing._repr_html_().startswith(("<table", "<div"))
+    for thing in (frames, frames[0], result, frames.world, frames.unit, pi.load_detector()):
+        assert len(repr(thing)) < 300

@@ -14,6 +14,7 @@ import pandas as pd
 
 from pyinfra.core.files import replacing
 from pyinfra.core.names import path_of
+from pyinfra.core.progress import show_line
 from pyinfra.core.public import public
 from pyinfra.dataset import simulation
 from pyinfra.experiments.planner.answer import LISTED, Answer, answer_of, few_positions
@@ -232,7 +233,7 @@ def plan(
     if folder is not None:
         keep_request(folder, described(site, request, units, table, table_of_costs, check_frames))
     parts = None if folder is None else folder / "observations"
-    tell = progress or (lambda _: None)
+    tell = progress or show_line
     run = race(site, free, units, pairs, request, law, jobs=jobs, folder=parts, progress=tell)
     steps = Steps(site, request, law, table_of_costs, free, units, run, check_frames, tell)
     result = chosen(steps, table, what_if=what_if, jobs=jobs, folder=parts)

@@ -13,8 +13,8 @@ import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.core.names import path_of, suggestion
+from pyinfra.core.progress import show_line
 from pyinfra.core.public import CALLER, public
-from pyinfra.experiments.pool import silent
 from pyinfra.experiments.stress import altered_scenes, summary, trials
 from pyinfra.experiments.stress.altered_scenes import Base
 from pyinfra.experiments.stress.stressors import STRESSORS, chosen
@@ -98,7 +98,7 @@ def stress(
     paths = [_folder(model) for model in several]
     if not paths:
         raise Error("models: expected one or more, got none")
-    out, progress = path_of(work, "work"), progress or silent
+    out, progress = path_of(work, "work"), progress or show_line
     words = None if severities is None else [str(severity) for severity in severities]
     names = list(STRESSORS) if stressors is None else list(stressors)
     plan = prepare(paths, path_of(data, "data"), out, names, words, frames, seed)

@@ -50,6 +50,29 @@ class Detections(pd.DataFrame):  # type: ignore[misc]  # pandas has no types
         return out
 
     @classmethod
+    def from_nuscenes(
+        cls, file: StrPath, source: StrPath, frames: Sequence[int] | None = None
+    ) -> Detections:
+        """Reads a result file of nuScenes (.json) for key frames of one LiDAR.
+
+        source: folder of the tables of nuScenes, such as an export of `frames.save`. frames:
+        numbers of the key frames, in the order of time; by default 0, 1, ... Raises FormatError.
+        """
+        from pyinfra.conversion import nuscenes_results
+
+        boxes = nuscenes_results(path_of(file, "file"), path_of(source, "source"))
+        numbers = list(boxes) if frames is None else list(frames)
+        if len(numbers) != len(boxes):
+            raise Error(f"frames: expected {len(boxes)} numbers of key frames, got {len(numbers)}")
+        parts = [
+            pd.DataFrame(dict(zip(BOX, one.boxes.T, strict=True))).assign(
+                frame=number, type=one.names.astype(object), score=one.visibility
+            )
+            for number, one in zip(numbers, boxes.values(), strict=True)
+        ]
+        return cls(pd.concat(parts, ignore_index=True)[COLUMNS])
+
+    @classmethod
     def from_kitti(cls, folder: StrPath, lidar_folder: StrPath | None = None) -> Detections:
         """Reads a folder of KITTI results (.txt) or of CSV files in the LiDAR frame.
 

@@ -161,6 +161,7 @@ class Step:
         half = self.precision == "bfloat16"
         with torch.autocast(self.device.type, torch.bfloat16, enabled=half):
             parts = network.losses(batch)
+            parts = parts if self.recipe.loss is None else self.recipe.loss(parts, batch)
         loss = torch.stack(list(parts.values())).sum()
         # The loss of the whole batch is checked, so that all processes stop together.
         values = distributed.mean(torch.stack([loss, *parts.values()]))

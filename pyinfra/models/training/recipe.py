@@ -73,6 +73,7 @@ class Recipe:
     learning: Learning
     augmentation: Augmentation
     hook: Hook | None = None  # a further augmentation, of the user
+    loss: Callable[..., Any] | None = None  # changes the losses, of the user
 
     @property
     def classes(self) -> tuple[ObjectClass, ...]:

@@ -21,6 +21,7 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.core.config import as_plain
 from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.files import alone, replacing
+from pyinfra.core.progress import is_shown
 from pyinfra.core.vocabulary import LabelTime
 from pyinfra.models.detectors.background import Background
 from pyinfra.models.inference.detect import model_file
@@ -55,11 +56,13 @@ def train(
     device: str = "cpu",
     precision: Precision = "float32",
     quiet: bool = False,
+    watch: Callable[[Progress], None] | None = None,
 ) -> Path:
     """Trains a detector and writes it to the folder `out`; returns the model's file.
 
     If `out` has a checkpoint of this training, the training resumes. If the recipe has 0 steps, the
-    network `start` of the recipe is copied. Raises the errors of reading frames and of training.
+    network `start` of the recipe is copied. watch: called after each step. Raises the errors of
+    reading frames and of training.
     """
     out.mkdir(parents=True, exist_ok=True)
     other_model = "last.safetensors" if recipe.detector == "background" else "background.npz"
@@ -69,7 +72,7 @@ def train(
         return _learn_background(recipe, sources, out)
     if recipe.learning.steps == 0:
         return _as_it_comes(recipe, out)
-    return _train_network(recipe, sources, out, seed, device, precision, quiet)
+    return _train_network(recipe, sources, out, seed, device, precision, quiet, watch)
 
 
 def _as_it_comes(recipe: Recipe, out: Path) -> Path:
@@ -119,6 +122,7 @@ def _train_network(
     device: str,
     precision: Precision,
     quiet: bool,
+    watch: Callable[[Progress], None] | None,
 ) -> Path:
     need_pytorch()
     import torch
@@ -157,7 +161,7 @@ def _train_network(
         first = distributed.rank() == 0
         with (
             alone(out) if first else nullcontext(),
-            _reporting(out, description, done, quiet) if first else nullcontext() as report,
+            _reporting(out, description, done, quiet, watch) if first else nullcontext() as report,
         ):
             loop.train(
                 network,
@@ -280,7 +284,11 @@ def common_accumulation(sources: Sequence[Source]) -> Accumulation:
 
 @contextmanager
 def _reporting(
-    out: Path, description: Description, done: int, quiet: bool
+    out: Path,
+    description: Description,
+    done: int,
+    quiet: bool,
+    watch: Callable[[Progress], None] | None,
 ) -> Iterator[Callable[[Progress], None]]:
     """Writes `run.yaml`, and yields a function that displays and logs the progress of a step."""
     from torch.utils.tensorboard import SummaryWriter
@@ -293,8 +301,8 @@ def _reporting(
     # TensorBoard would write the name of this machine into the name of its file.
     with mock.patch("socket.gethostname", return_value="host"):
         board = SummaryWriter(str(out / "tensorboard"), purge_step=done + 1)
-    # The value None shows the progress bar on a terminal only.
-    bar = tqdm(total=steps, initial=done, unit="step", disable=quiet or None, file=sys.stderr)
+    hidden = quiet or not is_shown()
+    bar = tqdm(total=steps, initial=done, unit="step", disable=hidden, file=sys.stderr)
 
     def report(progress: Progress) -> None:
         log(progress)
@@ -303,6 +311,8 @@ def _reporting(
             board.add_scalar(name, value, progress.step)
         bar.set_postfix(loss=f"{progress.loss:.3f}", refresh=False)
         bar.update()
+        if watch is not None:
+            watch(progress)
 
     with bar, board:
         yield report
