@@ -52,7 +52,7 @@ sphinx_gallery_conf = {
     "plot_gallery": os.environ.get("GALLERY", "ON") != "OFF",
     "abort_on_example_error": True,
     "download_all_examples": False,
-    "capture_repr": (),
+    "capture_repr": ("_repr_html_",),
     "show_memory": False,
     "show_signature": False,
     "write_computation_times": False,

@@ -73,4 +73,4 @@ def test_a_gallery_script_uses_the_public_api_alone(script: Path) -> None:
     ]
     ours = {name for name in modules if name and name.split(".")[0] in ("pyinfra", "reproduction")}
     assert ours <= {"pyinfra"}
-    assert len(SCRIPTS) == 13
+    assert len(SCRIPTS) == 16
