@@ -99,6 +99,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "what a place is worth": partial(placement.placement, "place"),
     "order of LiDARs over poses": partial(placement.placement, "order"),
     "plans": placement.plans,
+    "plan coverage": placement.plan_coverage,
     "times of plans": placement.plan_times,
     "16 lines or 128": partial(placement.placement, "units"),
     "detectors on the highway, paper": partial(verdicts.detectors, "highway", "paper"),

@@ -21,7 +21,7 @@ SHOWN = {
     ("vehicle, no region", "false_per_frame"),
     ("vehicle in a queue", "recall"),
 }
-PILOTS = {"single_1": "pilot, single frames", "past_1": "pilot with the past"}
+PILOTS = {"single": "pilot, single frames", "past": "pilot with the past"}  # ARM_SEED
 
 
 def goals() -> str:
@@ -35,17 +35,18 @@ def goals() -> str:
 
 
 def pilots() -> str:
-    """Returns a table of the pilots' figures, and of their differences to the first pilot."""
+    """Returns a table of the pilots' figures and their differences to the package's detector."""
     table = results("detector_pilots").query("objects > 0")
     kept = [pair in SHOWN for pair in zip(table.kind, table.figure, strict=True)]
     rows = []
     for row in table[kept].itertuples():
-        name = PILOTS.get(str(row.model), "the package's detector")
-        inputs = "" if row.model != "past_1" else f", {row.inputs}"
-        first = row.model == "single_1"
-        less = "" if first else _value(row, "difference")
+        arm, _, seed = str(row.model).partition("_")
+        if arm == "past" and row.inputs != "past":
+            continue  # with an empty past
+        name = f"{PILOTS[arm]}, seed {seed}" if arm in PILOTS else "the package's detector"
+        less = _value(row, "difference") if arm in PILOTS else ""
         where = f"{row.set} ({row.sites})"
-        rows.append([where, row.kind, TITLES[row.figure], name + inputs, _value(row), less])
+        rows.append([where, row.kind, TITLES[row.figure], name, _value(row), less])
     return markdown(["sites", "kind", "figure", "detector", "value", "difference"], rows)
 
 

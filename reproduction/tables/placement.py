@@ -118,6 +118,29 @@ def plans() -> str:
     return markdown([*heads, "AP predicted, simulated", "price, USD"], rows)
 
 
+def plan_coverage() -> str:
+    """Returns how often the intervals of plans contain the mean of further traffic seeds."""
+    table = results("plan_coverage_summary").query("lidar == 'all'")
+    names = {
+        "recall": "vehicles found, of 100",
+        "people_recall": "pedestrians found, of 100",
+        "false_per_frame": "false boxes a frame",
+        "ap": "AP",
+    }
+    rows = [
+        [
+            names[row.figure],
+            row.source,
+            str(row.options),
+            f"{row.inside_percent:.0f}",
+            f"{row.half_width:.1f}",
+            f"{row.bias:+.1f}",
+        ]
+        for row in table.itertuples()
+    ]
+    return markdown(["figure", "source", "options", "inside, %", "half-width", "bias"], rows)
+
+
 def plan_times() -> str:
     """Returns the number of poses of each question and the processor time of its plan."""
     table = results("plans").drop_duplicates("question")
