@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import shlex
 import sys
 from collections.abc import Callable
@@ -155,7 +154,7 @@ def _report(args: argparse.Namespace) -> Words:
     if is_plan(args.results):
         return ["pyinfra", "benchmark", "first_look", "--out", args.results / "benchmark"]
     tier = ["--tier", args.tier] if args.tier else []
-    budget = [] if args.budget_usd < math.inf else ["--budget", BUDGET_USD]
+    budget = [] if args.budget_usd is not None else ["--budget", BUDGET_USD]
     return ["pyinfra", "recommend", args.results, *tier, *budget, *_requirements(args)]
 
 
@@ -170,7 +169,7 @@ def _requirements(args: argparse.Namespace) -> Words:
         "range_m": "range",
         "latency_ms": "latency",
     }
-    changed = [name for name in options if getattr(args, name) != getattr(default, name)]
+    changed = [n for n in options if getattr(args, n) not in (None, getattr(default, n))]
     return [
         word for name in changed for word in (f"--{options[name]}", number(getattr(args, name)))
     ]

@@ -24,8 +24,7 @@ def draw_pictures(data: Sequence[Path], frame: int | None, out: Path) -> list[Pa
         if frame is None:
             frame = next(iter(existing), 0)
         if frame not in existing:
-            problem = f"{folders[0]}: frame: expected {kitti.extent(existing)}"
-            raise Error(f"{problem}, got {frame}")
+            raise Error(f"frame: expected {kitti.extent(existing)}, got {frame}: see {folders[0]}")
     files = clouds.draw_frames(data_sets, frame or 0, out)
     return files + draw_scenes(data_sets, frame or 0, out)
 
