@@ -220,14 +220,17 @@ def test_it_is_readable_and_labelled(browser: Browser, file: Path, theme: str) -
         assert page.title() == "LiDARs at crossroad"
 
 
-def test_it_prints_on_white_without_controls(browser: Browser, file: Path) -> None:
+def test_it_prints_on_one_white_sheet_without_controls(browser: Browser, file: Path) -> None:
     with opened(browser, file, theme="dark") as view:
         view.page.emulate_media(media="print")
         colour = "getComputedStyle(document.documentElement).backgroundColor"
         assert view.page.evaluate(colour) == "rgb(255, 255, 255)"
         assert not view.page.locator("#budget").is_visible()
         assert view.page.locator("#map").is_visible()
-        assert view.page.pdf().startswith(b"%PDF")
+        sheet = view.page.locator(".sheet").inner_text()
+        assert "Signature" in sheet
+        assert "1. " in sheet
+        assert len(re.findall(rb"/Type\s*/Page\b", view.page.pdf())) == 1
 
 
 def test_hostile_names_are_shown_and_do_nothing(
