@@ -16,7 +16,11 @@ configure = cmake --preset $(1) $(2) -DCMAKE_UNITY_BUILD=$(or $(3),$(UNITY)) -DP
 	-Dpybind11_DIR=$$($(PYTHON) -m pybind11 --cmakedir) >build/$(1)-configure.log 2>&1 \
 	|| { cat build/$(1)-configure.log; exit 1; }
 
-.PHONY: setup build demo dataset generalist generalist-v4 debian13 test lint lint-tests stubs reference tables docs viewer bench wheel wheels hashes sanitize fuzz test-nightly attack nightly clean
+# Of `make results`: files of results/ (all if empty), and how many parts run side by side.
+FILES :=
+JOBS := 1
+
+.PHONY: setup build demo dataset generalist generalist-v4 debian13 test lint lint-tests stubs reference results tables docs viewer bench wheel wheels hashes sanitize fuzz test-nightly attack nightly clean
 .NOTPARALLEL:
 
 build:
@@ -107,6 +111,11 @@ viewer:
 reference: build
 	@scripts/setup.sh train
 	$(PYTHON) scripts/reference.py
+
+# Every file of results/ that is out of date. LIST=1 only prints what it takes; a stopped one goes on.
+results: build
+	@scripts/setup.sh train exchange test
+	$(PYTHON) -m reproduction results $(FILES) --jobs $(JOBS) $(if $(LIST),--list)
 
 # The tables of the pages, from results/*.csv.
 tables:

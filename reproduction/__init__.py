@@ -58,6 +58,7 @@ def work_folder(text: str) -> Path:
     Raises ArgumentTypeError for a folder of frames of another number. Such frames, and detectors
     that learnt from them, must not be mixed with the simulator's frames.
     """
+    from pyinfra.core.files import write
     from pyinfra.dataset.simulation import frames_version
     from reproduction.frames_number import COLUMN, FIRST
 
@@ -72,7 +73,8 @@ def work_folder(text: str) -> Path:
             f"{folder}: expected a folder of frames {number}, got {found}: use another folder"
         )
     folder.mkdir(parents=True, exist_ok=True)
-    file.write_text(f"{number}\n")
+    if not file.is_file():
+        write(file, f"{number}\n")
     return folder
 
 

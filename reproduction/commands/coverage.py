@@ -27,6 +27,8 @@ from pyinfra.metrics import ap, intervals
 from pyinfra.metrics.comparison import Bootstrapped
 from reproduction import add_out, provenance, work_folder
 
+VERSION = 1  # of the results of this file; raise it with a change that alters them
+
 SCENES = ("highway", "curve", "crossroad")
 SPANS_S = (90, 250, 500)
 RUN_S, APART_S = 500, 0.5

@@ -42,6 +42,8 @@ from reproduction.detectability.runs import (
     store,
 )
 
+VERSION = 1  # of the results of this file; raise it with a change that alters them
+
 REPLICATES = 40  # fits on resampled sites, for intervals
 FEW_SITES = 40  # with fewer sites the fit is marked as a pilot
 MOST_OBJECT_ROWS = 400  # rows of one run in the fit; more rows of one pose add little

@@ -42,6 +42,8 @@ from reproduction import add_out, add_work, provenance
 from reproduction.commands import frozen_sites
 from reproduction.commands.unseen import CLASSES, CUT, FINE, REPLICATES, scored_boxes
 
+VERSION = 1  # of the results of this file; raise it with a change that alters them
+
 PAST_S = 60.0
 FRAMES = 3  # frames per LiDAR
 VEHICLES, ANYWHERE, QUEUES = "vehicle", "vehicle, no region", "vehicle in a queue"

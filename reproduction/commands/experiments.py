@@ -52,6 +52,8 @@ from pyinfra.models.inference.folder import detect_folder, place
 from reproduction import add_out, add_work, provenance, shared_frames
 from reproduction.train_detector import train_detector
 
+VERSION = 1  # of the results of this file; raise it with a change that alters them
+
 # The steps 11 and 47 share no factor with 200, the number of frames after which the Avia's pattern
 # repeats.
 TRAIN_FRAMES, TEST_FRAMES = "0:5000:11", "0:5000:47"
@@ -338,9 +340,13 @@ def main() -> None:
         help="LiDARs to measure; the frames always have all of them",
     )
     parser.add_argument("--replicates", type=int, default=3, help="default: %(default)s")
+    parser.add_argument(
+        "--only", nargs="+", type=int, metavar="N", help="replicates (default: 1 to --replicates)"
+    )
     args = parser.parse_args()
+    numbers = args.only or range(1, args.replicates + 1)
     for scene, label_time, number, preset in itertools.product(
-        args.scenes, args.label_times, range(1, args.replicates + 1), args.presets
+        args.scenes, args.label_times, numbers, args.presets
     ):
         replicate = Replicate(scene, preset, label_time, number)
         detectors = [

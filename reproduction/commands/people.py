@@ -24,6 +24,8 @@ from pyinfra.dataset import simulation
 from pyinfra.dataset.lidars import catalogue_files, presets_of
 from reproduction import add_out, provenance
 
+VERSION = 1  # of the results of this file; raise it with a change that alters them
+
 SIZES = {"Pedestrian": (0.73, 0.67, 1.77), "Cyclist": (1.67, 0.70, 1.67)}  # core/classes.h
 SIDE_M = {"Pedestrian": 1.5, "Cyclist": -1.5}  # lateral offset from the line straight ahead
 WEAVE_M = 0.3  # lateral amplitude, so that scan columns hit at different positions

@@ -24,6 +24,8 @@ from pyinfra.experiments.planner.plan import Plan, plan
 from reproduction import add_out, provenance, work_folder
 from reproduction.detectability.runs import scene_file_of
 
+VERSION = 1  # of the results of this file; raise it with a change that alters them
+
 T_JUNCTION, TOWN_JUNCTION = 900015, 900048  # seeds of the scene generator
 CHECK_FRAMES = 30
 FIGURES = (

@@ -24,6 +24,8 @@ import yaml
 from pyinfra.scenes.maps.sumo import sumo_folder
 from reproduction import ROOT, add_out, provenance, work_folder
 
+VERSION = 1  # of the results of this file; raise it with a change that alters them
+
 TOWNS = ("Town04", "Town05", "Town10HD")
 LIDARS = ("ruby_plus", "livox_avia")
 PRESET, FRAMES, SEED = "datasheet", "0:5000:25", 1

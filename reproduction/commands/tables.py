@@ -30,6 +30,7 @@ from reproduction.tables import (
     rungs,
     simulator,
     sites,
+    steps,
     stress,
     tracks,
     verdicts,
@@ -116,7 +117,11 @@ TABLES: dict[str, Callable[[], str]] = {
     "CPU rates of training": gpu.rates_of_cpu,
     "claims about detectors": verdicts.claims_of_detectors,
 }
-FRAMES: dict[str, Callable[[], str]] = {"frames of the results": frames_of_results}
+FRAMES: dict[str, Callable[[], str]] = {  # without the sentence on frames
+    "frames of the results": frames_of_results,
+    "steps": steps.steps,
+    "other files": steps.others,
+}
 
 
 def rewritten(page: Path) -> str:

@@ -33,6 +33,8 @@ from pyinfra.tracking.tracker import Tracker
 from pyinfra.tracking.tracks import boxes_of, view_of
 from reproduction import ROOT, add_out, add_seeds, add_work, provenance
 
+VERSION = 1  # of the results of this file; raise it with a change that alters them
+
 SCENES = ("highway", "crossroad", "curve")
 LIDARS = ("ruby_plus", "pandar_64", "helios_16", "livox_avia")
 FRAMES = 600

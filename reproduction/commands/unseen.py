@@ -44,6 +44,8 @@ from pyinfra.scenes.generator.ranges import RANGES
 from reproduction import add_out, provenance
 from reproduction.commands import frozen_sites
 
+VERSION = 1  # of the results of this file; raise it with a change that alters them
+
 FINE = 1000  # number of recall levels of the AP
 REPLICATES = 1000
 CUT = 0.5  # smallest calibrated score of an unmatched box that counts as a false positive

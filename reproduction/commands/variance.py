@@ -37,6 +37,8 @@ from reproduction.commands.experiments import TEXT, at_own_cut_angle
 from reproduction.commands.verdicts import LEAST_REPLICATES, WIDE
 from reproduction.frames_number import number_of
 
+VERSION = 1  # of the results of this file; raise it with a change that alters them
+
 CHOICES = ["judge", "scene", "preset", "label_time"]
 DIFFERENCE = "avia less ruby_plus"
 

@@ -30,6 +30,8 @@ from reproduction.commands.experiments import TEXT, at_own_cut_angle
 from reproduction.frames_number import number_of
 from reproduction.tables.common import results
 
+VERSION = 1  # of the results of this file; raise it with a change that alters them
+
 TESTS_AFTER = (3, 5, 10)  # numbers of replicates after which a claim is tested
 LEVEL = 1 - 0.05 / len(TESTS_AFTER)  # confidence level of each test
 LEAST_REPLICATES = TESTS_AFTER[0]

@@ -34,7 +34,7 @@ LIDARS = {
 
 
 # Tables of results whose values do not depend on frames.
-WITHOUT_FRAMES = frozenset(("evaluation", "impossible_sites", "lidars", "ops"))
+WITHOUT_FRAMES = frozenset(("evaluation", "impossible_sites", "lidars", "ops", "steps"))
 _used: set[str] = set()  # tables of results that `with_frames` notes
 
 

@@ -1,0 +1,292 @@
+"""The steps that make the files of results/, and what each takes.
+
+CPU hours are those of two cores of an AMD EPYC or Intel Xeon. Each has its source: a recorded
+column (`train_cpu_s`, `cpu_s`, `detector_ms`), to which an estimate of simulation and tests is
+added, or a trial at a small size. A run replaces them by what it took (results/steps.csv).
+"""
+
+from __future__ import annotations
+
+from reproduction.engine import Command, Step
+
+TRIAL = "trial at a small size"
+TRAINING = "column train_cpu_s, and 24 s for two tests"
+ESTIMATE = "frames times 0.1 s"
+TIMES = "trial at a small size, which only measures times"
+SCENES = ("--scenes", ("highway", "crossroad", "curve"))
+OTHER_SCENES = ("--scenes", ("crossroad", "curve"))
+PRESETS = ("--presets", ("paper", "datasheet"))
+SEEDS = ("--seeds", ("1", "2", "3"))
+REPLICATES = ("--only", ("1", "2", "3"))  # further ones where a primary claim is undecided
+
+# Files that no step makes, and how they are made.
+OTHERS = {
+    "dataset.csv": "make dataset",
+    "debian13.csv": "make debian13",
+    "deskew.csv": "a program of version 0.3",
+    "detector_pilots.csv": "python -m reproduction pilots, then detector_goals",
+    "frame_numbers.csv": "python -m reproduction frame_numbers, with an earlier checkout",
+    "generalist_sites.csv": "make generalist",
+    "gpu.csv": "python -m reproduction gpu, with a GPU",
+    "impossible_sites.csv": "tests/python/impossible_sites.py",
+    "lidars.csv": "prices, by hand from their sources",
+    "sites.csv": "python -m reproduction sites, with maps of CARLA's towns",
+    "steps.csv": "make results",
+    "traffic.csv": "python -m reproduction traffic, with imported towns",
+}
+
+
+def experiments(
+    words: str, cpu_h: float, *split: tuple[str, tuple[str, ...]], secondary: bool = False
+) -> Command:
+    """Returns a command of `experiments`, split by replicate.
+
+    The commands share frames and trainings. No two of them make the same training.
+    """
+    uses = "fine-tuned" in words or "pretrained" in words
+    split = (*split, REPLICATES)
+    file = "experiments.csv"
+    words = f"experiments {words}"
+    return Command(
+        words, cpu_h, TRAINING, "experiments", uses, file, split=split, secondary=secondary
+    )
+
+
+PAPER = "--scenes highway --presets paper"
+TURNED = "--cut-angles 0 90 180 270"
+PRIMARY = "--setups fine-tuned background"
+
+STEPS = (
+    Step(
+        ("experiments.csv",),
+        (
+            experiments(f"{PAPER} {PRIMARY} {TURNED}", 0.7),
+            experiments(f"--scenes highway --presets datasheet {PRIMARY}", 0.45),
+            experiments(f"--scenes crossroad curve {PRIMARY}", 1.8, OTHER_SCENES, PRESETS),
+            experiments("--setups pointpillars", 7.8, SCENES, PRESETS),
+            experiments("--setups pretrained", 0.5, SCENES, PRESETS),
+            experiments(
+                f"{PAPER} --setups pv-rcnn dsvt pointrcnn --lidars ruby_plus livox_avia",
+                3.4,
+                secondary=True,
+            ),
+            experiments(f"{PAPER} {PRIMARY} --label-times frame {TURNED}", 0.7),
+            experiments(
+                f"{PAPER} --setups fine-tuned --label-times frame {TURNED} "
+                "--training-cut-angles 90 180",
+                0.9,
+                secondary=True,
+            ),
+        ),
+    ),
+    Step(
+        ("claims.csv",),
+        (
+            Command(
+                "verdicts {experiments.csv}",
+                0.002,
+                TRIAL,
+                out="claims.csv",
+                toy="verdicts {experiments.csv}",
+            ),
+        ),
+    ),
+    Step(
+        ("variance.csv",),
+        (
+            Command(
+                "variance {experiments.csv}",
+                0.002,
+                TRIAL,
+                out="variance.csv",
+                toy="variance {experiments.csv}",
+            ),
+        ),
+    ),
+    Step(
+        ("scanning_claims.csv",),
+        (
+            Command(
+                "scanning --seeds 1 2 3 4 5",
+                0.3,
+                TRIAL,
+                "scanning",
+                out="scanning_claims.csv",
+                toy="scanning --seeds 1 --frames 0:70:7",
+            ),
+        ),
+    ),
+    Step(("coverage.csv",), (Command("coverage", 0.2, TRIAL, "coverage", out="coverage.csv"),)),
+    Step(
+        ("correlation.csv",),
+        (Command("correlation", 0.1, TRIAL, "correlation", out="correlation.csv"),),
+    ),
+    Step(
+        ("detectability.csv", "detectability_summary.csv", "detectability_reliability.csv"),
+        (
+            Command(
+                "detectability --fit 0 --check 13",
+                1.0,
+                ESTIMATE,
+                "detectability",
+                True,
+                "detectability.csv",
+            ),
+        ),
+    ),
+    Step(
+        ("placement.csv", "placement_order.csv", "placement_summary.csv"),
+        (
+            Command(
+                "placement {detectability.csv} --sites 5",
+                0.9,
+                ESTIMATE,
+                "detectability",
+                True,
+                "placement.csv",
+            ),
+        ),
+    ),
+    Step(
+        ("plans.csv",),
+        (Command("plans", 0.3, "column cpu_s", "plans", True, "plans.csv"),),
+    ),
+    Step(
+        ("places.csv",),
+        (Command("places", 0.2, ESTIMATE, "places", True, "places.csv"),),
+    ),
+    Step(
+        ("poles.csv",),
+        (Command("poles", 0.4, ESTIMATE, "poles", False, "poles.csv", split=(SEEDS,)),),
+    ),
+    Step(
+        ("stress_seeds.csv",),
+        (Command("stress", 0.9, ESTIMATE, "stress", True, "stress_seeds.csv", split=(SEEDS,)),),
+    ),
+    Step(
+        ("integration.csv",),
+        (
+            Command(
+                "integration --lidars livox_avia",
+                1.1,
+                TRAINING,
+                "integration",
+                False,
+                "integration.csv",
+                split=(SEEDS, ("--speeds", ("20", "62"))),
+            ),
+        ),
+    ),
+    Step(
+        ("ladder.csv",),
+        (Command("ladder", 0.4, ESTIMATE, "ladder", False, "ladder.csv", split=(SEEDS,)),),
+    ),
+    Step(
+        ("fairness.csv",),
+        (
+            Command(
+                "fairness generalist --scenes highway",
+                0.2,
+                TRAINING,
+                "fairness",
+                True,
+                "fairness.csv",
+            ),
+        ),
+    ),
+    Step(
+        ("generalist.csv",),
+        (
+            Command(
+                "generalist", 4.3, TRAINING, "generalist", True, "generalist.csv", secondary=True
+            ),
+        ),
+    ),
+    Step(
+        ("unseen.csv",),
+        (Command("unseen generalist --frames 3", 0.4, TRIAL, model=True, out="unseen.csv"),),
+    ),
+    Step(
+        ("detector_goals.csv",),
+        (
+            Command(
+                "detector_goals generalist --sites 20 8",
+                0.3,
+                ESTIMATE,
+                "detector_goals",
+                True,
+                "detector_goals.csv",
+            ),
+        ),
+    ),
+    Step(("rungs.csv",), (Command("rungs", 0.2, TRIAL, out="rungs.csv"),)),
+    Step(
+        ("rungs_ap.csv",),
+        (Command("rungs_ap", 0.3, ESTIMATE, "rungs_ap", True, "rungs_ap.csv"),),
+    ),
+    Step(
+        ("tracks.csv",),
+        (
+            Command(
+                "tracks --seeds 1",
+                0.3,
+                "column detector_ms",
+                "tracks",
+                True,
+                "tracks.csv",
+                split=(("--scenes", ("highway", "crossroad", "curve", "crossroad_poles")),),
+            ),
+        ),
+    ),
+    Step(("people.csv",), (Command("people", 0.01, TRIAL, out="people.csv"),)),
+    Step(
+        ("fidelity.csv", "aggregation.csv", "beam.csv"),
+        (Command("fidelity", 0.06, TRIAL, out="."),),
+    ),
+    Step(
+        ("latency.csv",),
+        (
+            Command(
+                "latency --setups pretrained background fine-tuned pointpillars pv-rcnn dsvt "
+                "pointrcnn --lidars ruby_plus livox_avia",
+                0.2,
+                ESTIMATE,
+                "experiments",
+                True,
+                "latency.csv",
+                alone=True,
+            ),
+        ),
+    ),
+    Step(
+        ("detector_latency.csv",),
+        (
+            Command(
+                "detector_latency",
+                0.1,
+                ESTIMATE,
+                "detector_latency",
+                True,
+                "detector_latency.csv",
+                alone=True,
+            ),
+        ),
+    ),
+    Step(("exchange.csv",), (Command("exchange", 0.05, TRIAL, out="exchange.csv", alone=True),)),
+    Step(
+        ("speed.csv",),
+        (Command("benchmarks/run.py", 0.1, ESTIMATE, out="speed.csv", alone=True),),
+    ),
+    Step(
+        ("evaluation.csv",),
+        (Command("benchmarks/evaluate_speed.py", 0.02, TRIAL, out="evaluation.csv", alone=True),),
+    ),
+    Step(
+        ("ops.csv",),
+        (Command("benchmarks/ops.py", 0.02, TRIAL, out="ops.csv", alone=True),),
+    ),
+    Step(
+        ("growth.csv",),
+        (Command("benchmarks/growth.py", 0.1, ESTIMATE, out="growth.csv", alone=True),),
+    ),
+)
