@@ -272,6 +272,10 @@ STEPS = (
             ),
         ),
     ),
+    Step(
+        ("onnx_files.csv",),
+        (Command("onnx_files", 0.3, TRAINING, "onnx_files", True, "onnx_files.csv", alone=True),),
+    ),
     Step(("exchange.csv",), (Command("exchange", 0.05, TRIAL, out="exchange.csv", alone=True),)),
     Step(
         ("speed.csv",),
