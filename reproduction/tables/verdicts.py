@@ -273,4 +273,4 @@ def decided(subsets: Sequence[str] = ("captured", "common", "present")) -> str:
         for preset, part in table.groupby("preset", sort=False)
     ]
     heads = ["preset", "rows", "decided", "known to the precision", "decided or known"]
-    return markdown([*heads, "wrong by chance, at most"], rows)
+    return markdown([*heads, "wrong by chance, expected at most"], rows)
