@@ -179,18 +179,19 @@ def trust(
 
     Raises
     ------
-    Error : for missing or invalid predictions
+    Error : for missing or invalid predictions, less than 10 s, frames that are not consecutive, no
+        outline of the road, or a fault in more than half of the frames
 
     Examples
     --------
     >>> import tempfile
     >>> import pyinfra as pi
-    >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", range(0, 300, 10))
+    >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", range(0, 105))
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     labels = pi.Detections(frames.labels.assign(score=1.0))
     ...     table = pi.trust(frames, labels.save(f"{folder}/found"), allow_missing=True)
     >>> int(table.frames[0])
-    30
+    105
     """
     from pyinfra.models.inference.label_free_checks import trust_of
 

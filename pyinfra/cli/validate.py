@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pyinfra.cli.messages import with_options
+from pyinfra.cli.messages import warn, with_options
 from pyinfra.core.errors import Error
 from pyinfra.core.files import write
 from pyinfra.dataset.frames import has_labels, lidar_folder
@@ -61,10 +61,19 @@ def _trust(args: argparse.Namespace) -> None:
 
     If --out is given, also writes them to trust.csv.
     """
-    table = trust(args.data, args.pred, split=args.split, allow_missing=args.allow_missing)
+    from pyinfra.models.inference.label_free_checks import NoQuality
+
+    try:
+        table = trust(args.data, args.pred, split=args.split, allow_missing=args.allow_missing)
+    except NoQuality as error:
+        if args.unlabelled or args.out is not None:
+            raise
+        warn(str(error), args)
+        return
     frames = f"{lidar_folder(args.data)}: {table.frames[0]} frames"
     print(f"{frames}; shares of boxes by minimum score (without labels)")
-    print(table.drop(columns="frames").to_string(index=False, float_format=lambda v: f"{v:.3g}"))
+    shown = table.drop(columns="frames")
+    print(shown.to_string(index=False, float_format=lambda v: f"{v:.3g}", na_rep="-"))
     if args.out is not None:
         args.out.mkdir(parents=True, exist_ok=True)
         write(args.out / "trust.csv", table.to_csv(index=False, float_format=number_text))

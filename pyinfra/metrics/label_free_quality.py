@@ -12,13 +12,15 @@ boxes.
   not meet these conditions.
 - A cluster is *found* if a box overlaps it, or if the centre of a box is within NEAR_M.
 - A box *flickers* if neither the previous nor the next frame has a box of the same object.
+- A frame with a fault of the sensor (dataset/health.py) counts as if nothing in it were right.
+  Otherwise a fault could raise a measure, because a damaged cloud has fewer clusters to find.
 - A box *stands* if boxes are at its position in at least HALF of all frames and less than HALF of
   these boxes are confirmed. Hedges, rails and parked vehicles cause standing boxes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -39,6 +41,10 @@ HALF = 0.5
 FASTEST_M_S = 45.0
 SLACK_M = 1.0  # tolerance for the position error of a box
 LEAST_FRAMES = 5  # least number of frames for `flickers` and `stands`
+# The measures are not computed for shorter recordings, or for frames with more gaps or faults.
+LEAST_S = 10.0
+LEAST_CONSECUTIVE = 0.8
+MOST_FAULTY = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +71,11 @@ class Trust:
 
     score: float
     frames: int
-    boxes_per_frame: float
+    faulty_frames: int  # frames with a fault of the sensor
+    boxes_per_frame: float  # in frames without a fault
     confirmed_share: float  # share of boxes that are confirmed
     recall: float  # share of travelling clusters that are found
-    travelling_per_frame: float  # travelling clusters per frame
+    travelling_per_frame: float  # travelling clusters per frame without a fault
     off_region_share: float  # share of boxes outside the region; NaN if no region is known
     flicker_share: float  # share of boxes that flicker, in frames with a previous and a next frame
     standing_share: float  # share of boxes that stand
@@ -85,14 +92,20 @@ def trust(
     off_region: BoolArray | None,
     clusters: BoxSeries,
     cuts: Sequence[float] = CUTS,
+    faulty: Collection[int] = (),
 ) -> list[Trust]:
     """Returns a row for each least score in `cuts`.
 
     frames: numbers of all frames, ascending. moving: (n,) number of moving points in each detected
     box. off_region: (n,) whether a box is outside the region; None if no region is known. clusters:
-    boxes of clusters of moving points in the region.
+    boxes of clusters of moving points in the region. faulty: numbers of frames with a fault.
     """
-    numbers = np.asarray(frames)
+    numbers = np.setdiff1d(frames, list(faulty))
+    share = len(numbers) / max(len(frames), 1)  # of frames without a fault
+    kept = np.isin(detections.frame, numbers)
+    detections, moving = detections.select(kept), moving[kept]
+    off_region = None if off_region is None else off_region[kept]
+    clusters = clusters.select(np.isin(clusters.frame, numbers))
     travelling = clusters.select(travels(clusters, period_s))
     rows = []
     for cut in cuts:
@@ -102,17 +115,48 @@ def trust(
         rows.append(
             Trust(
                 score=cut,
-                frames=len(numbers),
+                frames=len(frames),
+                faulty_frames=len(frames) - len(numbers),
                 boxes_per_frame=len(confident) / max(len(numbers), 1),
-                confirmed_share=_share(confirmed),
-                recall=_share(_has_box(travelling, confident)),
+                confirmed_share=share * _share(confirmed),
+                recall=share * _share(_has_box(travelling, confident)),
                 travelling_per_frame=len(travelling) / max(len(numbers), 1),
-                off_region_share=np.nan if off_region is None else _share(off_region[keep]),
-                flicker_share=_flicker(confident, numbers, period_s),
-                standing_share=_share(stands(confident, confirmed, len(numbers))),
+                off_region_share=(
+                    np.nan if off_region is None else 1 - share * (1 - _share(off_region[keep]))
+                ),
+                flicker_share=1 - share * (1 - _flicker(confident, numbers, period_s)),
+                standing_share=(
+                    1 - share * (1 - _share(stands(confident, confirmed, len(numbers))))
+                ),
             )
         )
     return rows
+
+
+def refusal(
+    frames: Sequence[int], period_s: float, faulty: Collection[int], *, has_region: bool
+) -> str:
+    """Returns why the measures would say nothing about these frames; empty if they do."""
+    seconds = (frames[-1] - frames[0] + 1) * period_s if frames else 0.0
+    if seconds < LEAST_S:
+        return f"expected a recording of {LEAST_S:g} s or more, got {seconds:.3g} s"
+    consecutive = float((np.diff(frames) == 1).mean())
+    if consecutive < LEAST_CONSECUTIVE:
+        return (
+            f"expected {100 * LEAST_CONSECUTIVE:g} % or more of the frames to follow the frame "
+            f"before them, got {100 * consecutive:.0f} %"
+        )
+    if len(faulty) > MOST_FAULTY * len(frames):
+        return (
+            f"expected a fault in at most {100 * MOST_FAULTY:g} % of the frames, got "
+            f"{len(faulty)} of {len(frames)}"
+        )
+    if not has_region:
+        return (
+            "expected an outline of the road, got none: `pyinfra region` proposes one, and the "
+            "argument --region of `pyinfra import` takes it"
+        )
+    return ""
 
 
 def links(seen: BoxSeries, period_s: float) -> IntArray:

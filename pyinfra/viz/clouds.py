@@ -1,5 +1,6 @@
 """Draws the points and boxes of frames from above, in the levelled LiDAR frame."""
 
+import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -56,8 +57,9 @@ def picture(view: Snapshot) -> Figure:
     window = region_window(view)
     width, height = window.shape()
     low, high = view.lidar.price_usd
-    price = f"{low:,.0f}" if low == high else f"{low:,.0f} to {high:,.0f}"
-    title = f"{view.lidar.model}, US$ {price}, preset {view.lidar.preset}: {view.scene}"
+    price = f", US$ {low:,.0f}" + (f" to {high:,.0f}" if low != high else "")
+    known = "" if math.isnan(low) else price
+    title = f"{view.lidar.model}{known}, preset {view.lidar.preset}: {view.scene}"
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.5, 8.5 * height / width + 1.0), layout="constrained")
         axes = figure.subplots()
@@ -142,8 +144,9 @@ def qualities(views: Iterable[Snapshot]) -> list[Quality]:
     return [*QUALITIES, *([PEOPLE] if any(view.are_people.any() for view in views) else [])]
 
 
-def legend_handles(views: Iterable[Snapshot]) -> list[Artist]:
+def legend_handles(views: Sequence[Snapshot]) -> list[Artist]:
     """Returns legend entries for the box styles of some views and for the other drawn items."""
+    labelled = any(len(view.objects.names) > 0 for view in views)
     handles: list[Artist] = [
         Line2D(
             [],
@@ -154,11 +157,12 @@ def legend_handles(views: Iterable[Snapshot]) -> list[Artist]:
             marker="x" if q.most == 0 else None,
             label=q.name,
         )
-        for q in qualities(views)
+        for q in (qualities(views) if labelled else [])
     ]
     sensor = Line2D([], [], color="black", marker="^", linestyle="none", label="LiDAR")
     view = Line2D([], [], **VIEW_LINE, label="field of view, range")
-    return [*handles, sensor, view, Patch(color=REGION_COLOUR, label="evaluation region")]
+    region = Patch(color=REGION_COLOUR, label="evaluation region")
+    return [*handles, sensor, view, *([region] if any(v.region for v in views) else [])]
 
 
 def sector(unit: kitti.FieldOfView) -> FloatArray:

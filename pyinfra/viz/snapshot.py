@@ -25,6 +25,8 @@ class Snapshot:
     road_z: float  # z of the road
 
     def counts(self) -> str:
+        if self.lidar.preset == kitti.RECORDED and len(self.objects.names) == 0:
+            return f"{len(self.points):,} points"
         on_vehicles = self.objects.points[~self.are_people].sum()
         return f"{len(self.points):,} points, {on_vehicles:,} on vehicles"
 

@@ -8,6 +8,9 @@ from recording_files import PERIOD_S, START_S, BagWriter, driver_records, road
 
 from pyinfra.cli import main
 from pyinfra.formats import kitti
+from pyinfra.viz.clouds import picture
+from pyinfra.viz.snapshot import read_snapshot
+from pyinfra.viz.viewer.frames import read_view_frames
 
 FRAMES, TILTED_FROM = 24, 12
 
@@ -57,3 +60,8 @@ def test_from_a_bag_to_boxes_and_a_view(tmp_path: Path, capsys: pytest.CaptureFi
     text = capsys.readouterr()
     assert "nan" not in text.out + text.err
     assert (tmp_path / "view.html").stat().st_size > 10_000
+    assert read_view_frames(Path(pole), numbers[:1])[0].road_z == pytest.approx(0, abs=0.2)
+    snapshot = read_snapshot(Path(pole), numbers[0])
+    title = picture(snapshot).axes[0].get_title(loc="left")
+    assert "nan" not in title
+    assert "vehicles" not in title

@@ -1,5 +1,6 @@
 """Measures on frames without labels distinguish a good detector from a bad one."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,8 +11,16 @@ import pytest
 from pyinfra.cli import main
 from pyinfra.core.arrays import FloatArray
 from pyinfra.formats import kitti
-from pyinfra.metrics.label_free_quality import COLUMNS, BoxSeries, Trust, stands, travels, trust
-from pyinfra.models.inference.label_free_checks import trust_of
+from pyinfra.metrics.label_free_quality import (
+    COLUMNS,
+    BoxSeries,
+    Trust,
+    refusal,
+    stands,
+    travels,
+    trust,
+)
+from pyinfra.models.inference.label_free_checks import NoQuality, trust_of
 
 FRAMES = 50
 CAR = (4.5, 1.9, 1.6)
@@ -25,9 +34,10 @@ def lidar(
     run_command: Callable[..., list[str]],
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Path:
-    """Simulates five seconds of a motorway, every frame."""
+    """Simulates ten seconds of a motorway, every frame at 5 Hz."""
     out = tmp_path_factory.mktemp("row") / "data"
     words = run_command("hesai_xt32", frames=f"0:{FRAMES}", preset="datasheet", out=out)
+    words += ["--rate-hz", "5"]
     infrasim(*words, check=True)
     return out / "hesai_xt32"
 
@@ -141,6 +151,86 @@ def test_labelled_frames_are_asked_for_it(
         "--unlabelled, --out: expected --pred and no labels, got no --pred"
         in capsys.readouterr().err
     )
+
+
+# --- faults, and recordings that show too little
+
+
+def recorded(lidar: Path, folder: Path) -> Path:
+    """Copies the frames as a recording without labels."""
+    out = folder / "data/pole"
+    shutil.copytree(lidar / "training/velodyne", out / "training/velodyne")
+    text = (lidar / "lidar.yaml").read_text()
+    (out / "lidar.yaml").write_text(text.replace('preset: "datasheet"', 'preset: "recorded"'))
+    shutil.copy(lidar.parent / "roads.csv", out.parent)
+    return out
+
+
+def half_the_lines(points: FloatArray, frame: int) -> FloatArray:
+    elevation = np.degrees(np.arctan2(points[:, 2], np.hypot(points[:, 0], points[:, 1])))
+    return points[np.floor(elevation + 0.5).astype(int) % 2 == 0]
+
+
+def leaning(points: FloatArray, frame: int) -> FloatArray:
+    a = np.radians(4)
+    turn = np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])
+    return np.column_stack([points[:, :3] @ turn.T, points[:, 3]])
+
+
+def nothing_near(points: FloatArray, frame: int) -> FloatArray:
+    return points[np.arctan2(points[:, 1], points[:, 0]) > -0.5]
+
+
+@pytest.fixture(scope="module")
+def clean(lidar: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, list[Trust]]:
+    """Returns a recording, predictions for it, and their measures."""
+    folder = tmp_path_factory.mktemp("clean")
+    pole, pred = recorded(lidar, folder), predictions(lidar, good, folder / "pred")
+    return pole, pred, trust_of(pole, pred)
+
+
+@pytest.mark.parametrize("fault", [half_the_lines, leaning, nothing_near])
+def test_a_fault_raises_no_measure(
+    fault: Callable[[FloatArray, int], FloatArray],
+    clean: tuple[Path, Path, list[Trust]],
+    tmp_path: Path,
+) -> None:
+    source, pred, before = clean
+    pole = tmp_path / "data/pole"
+    shutil.copytree(source.parent, pole.parent)
+    assert before[0].faulty_frames == 0
+    for frame in kitti.frames(pole)[-20:]:
+        file = kitti.frame_file(pole, "velodyne", frame)
+        fault(kitti.read_points(file), frame).astype("<f4").tofile(file)
+    after = trust_of(pole, pred)
+    assert after[0].faulty_frames == 20
+    for one, other in zip(before, after, strict=True):
+        assert other.confirmed_share <= one.confirmed_share
+        assert other.recall <= one.recall
+        for name in ("off_region_share", "flicker_share", "standing_share"):
+            assert getattr(other, name) >= getattr(one, name)
+    for frame in kitti.frames(pole)[-30:-20]:
+        file = kitti.frame_file(pole, "velodyne", frame)
+        fault(kitti.read_points(file), frame).astype("<f4").tofile(file)
+    with pytest.raises(NoQuality, match="expected a fault in at most 50 % of the frames, got 30"):
+        trust_of(pole, pred)
+
+
+def test_recordings_that_show_too_little_are_refused(
+    lidar: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert refusal(range(100), 0.1, (), has_region=True) == ""
+    assert "10 s or more, got 9.9 s" in refusal(range(99), 0.1, (), has_region=True)
+    assert "80 % or more" in refusal(range(0, 200, 2), 0.1, (), has_region=True)
+    assert "outline" in refusal(range(100), 0.1, (), has_region=False)
+    pole = recorded(lidar, tmp_path)
+    (pole.parent / "roads.csv").unlink()
+    words = ["validate", str(pole), "--pred", str(predictions(lidar, good, tmp_path / "pred"))]
+    main.main(words)
+    output = capsys.readouterr()
+    assert "recall" not in output.out
+    assert "`pyinfra region` proposes one" in output.err
+    assert main.main([*words, "--unlabelled"]) == 2
 
 
 # --- tracks by hand

@@ -9,14 +9,16 @@ import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.boxes import points_in_boxes
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions
 from pyinfra.dataset.frame_tables import Predictions
 from pyinfra.dataset.frames import PERIOD_S, frame_numbers
 from pyinfra.dataset.ground import ground_of
+from pyinfra.dataset.health import folder_health
 from pyinfra.dataset.regions import Region, region_of
 from pyinfra.formats import kitti
-from pyinfra.metrics.label_free_quality import BoxSeries, Trust, trust
+from pyinfra.metrics.label_free_quality import BoxSeries, Trust, refusal, trust
 from pyinfra.metrics.prediction_checks import find_files
 from pyinfra.models.detectors.background import DEFAULT, Background
 from pyinfra.models.training.sources import spread
@@ -26,14 +28,18 @@ CLUSTER_SCORE = 0.3  # clusters of moving points with a lower score are not used
 OFF_M = 1.0  # a box is outside the region if its centre is farther outside than this
 
 
+class NoQuality(Error):
+    """The measures would say nothing about the frames."""
+
+
 def trust_of(
     folder: Path, pred: Path, split: str | None = None, *, allow_missing: bool = False
 ) -> list[Trust]:
     """Returns label-free quality measures of the vehicle predictions for a folder.
 
     Labels are not used. The background is learnt from the same frames. split: by default all
-    frames. Raises FileNotFoundError, FormatError for invalid files, and Error if no cloud has a
-    point in range.
+    frames. Raises FileNotFoundError, FormatError for invalid files, Error if no cloud has a point
+    in range, and NoQuality if the measures would say nothing about the frames.
     """
     frames = frame_numbers(folder, split or "all")
     files = find_files(
@@ -47,6 +53,12 @@ def trust_of(
     predictions = predictions.select(~np.isin(predictions.names, PERSON_TYPES))
     lidar = kitti.read_lidar(folder) if (folder / "lidar.yaml").is_file() else None
     region = region_of(folder, lidar.T_world_levelled) if lidar else None
+    period_s = lidar.period_s if lidar else PERIOD_S
+    is_recorded = lidar is None or lidar.preset == kitti.RECORDED
+    health = folder_health(folder, frames, period_s) if is_recorded else []
+    faulty = [row.frame for row in health if row.problems]
+    if text := refusal(frames, period_s, faulty, has_region=region is not None):
+        raise NoQuality(f"{folder}: no measures without labels: {text}")
     clouds = [kitti.frame_file(folder, "velodyne", k) for k in frames]
     chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
     learnt = [kitti.read_points(clouds[i]) for i in chosen]
@@ -57,11 +69,12 @@ def trust_of(
     )
     return trust(
         frames,
-        lidar.period_s if lidar else PERIOD_S,
+        period_s,
         detections,
         moving,
         _off(region, predictions.boxes),
         clusters,
+        faulty=faulty,
     )
 
 

@@ -23,6 +23,7 @@ from pyinfra.core.progress import track
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions, read_vehicles
 from pyinfra.dataset.frame_sequence import SimulatedFrames
 from pyinfra.dataset.frames import PERIOD_S
+from pyinfra.dataset.ground import ground_of
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.dataset.world_frame import to_world
 from pyinfra.formats import kitti
@@ -45,6 +46,7 @@ class ViewFrame:
     time_s: Float32Array | None = None  # (n,) since the start of the frame
     object_id: Int32Array | None = None  # (n,) -1 for background
     predictions: Labels | None = None  # predicted boxes, world frame; None if there is no file
+    road_z: float | None = None  # z of a recording's road at the sensor, world frame, if known
 
 
 def read_view_frames(
@@ -59,6 +61,9 @@ def read_view_frames(
     has_lidar = (lidar_folder / "lidar.yaml").is_file()
     lidar = kitti.read_lidar(lidar_folder) if has_lidar else None
     pose = lidar.T_world_levelled if lidar else WorldPose(0, 0, 0, 0)
+    is_recorded = lidar is not None and lidar.preset == kitti.RECORDED
+    ground = ground_of(lidar_folder) if is_recorded else None
+    road_z = None if ground is None else float(ground.height(np.zeros((1, 3)))[0]) + pose.z
     vehicles = read_vehicles(lidar_folder, frames)
     counted = (lidar_folder / "training/objects").is_dir()
     per_frame = _predictions(lidar_folder, frames, predictions, pose)
@@ -80,6 +85,7 @@ def read_view_frames(
                 time_s=None if fields is None else fields["time_s"],
                 object_id=None if fields is None else fields["object_id"],
                 predictions=per_frame[i],
+                road_z=road_z,
             )
         )
     return views

@@ -239,12 +239,14 @@ def _short(values: FloatArray, digits: int = 4) -> list[float]:
 def _ground(views: Sequence[ViewFrame]) -> float:
     """Returns the height of the ground.
 
-    It is the median of the box bottoms. If there are no boxes, it is a low percentile of the
-    points. If there are no points either, it is 0.
+    It is the median of the box bottoms. If there are no boxes, it is the known height of the road,
+    or else a low percentile of the points. If there are no points either, it is 0.
     """
     boxes = np.concatenate([view.boxes for view in views])
     if len(boxes):
         return float(np.median(boxes[:, 2] - boxes[:, 5] / 2))
+    if (road_z := views[0].road_z) is not None:
+        return road_z
     heights = np.concatenate([view.points[:, 2] for view in views])
     return float(np.percentile(heights, _GROUND_PERCENTILE)) if len(heights) else 0.0
 
