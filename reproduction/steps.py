@@ -152,6 +152,10 @@ STEPS = (
         (Command("plans", 0.3, "column cpu_s", "plans", True, "plans.csv"),),
     ),
     Step(
+        ("plan_coverage.csv", "plan_coverage_summary.csv"),
+        (Command("plan_coverage", 1.8, ESTIMATE, "plan_coverage", True, "plan_coverage.csv"),),
+    ),
+    Step(
         ("places.csv",),
         (Command("places", 0.2, ESTIMATE, "places", True, "places.csv"),),
     ),

@@ -30,6 +30,7 @@ from pyinfra.metrics.comparison import over_replicates
 from reproduction import add_out, provenance, work_folder
 from reproduction.detectability.runs import scene_file_of
 
+VERSION = 1  # of the results of this file; raise it with a change that alters them
 FIRST_SITE = 800_100  # of the scene generator; the check of the detectability ends before it
 LIDARS = ("helios_16", "pandar_64", "livox_avia", "ruby_plus", "hesai_xt32", "livox_horizon")
 GRID = PoseGrid(every_m=30.0, heights_m=(5.0,), pitches_deg=(0.0, 10.0))
