@@ -120,7 +120,9 @@ def test_boxes_of_frames_come_with_the_numbers_of_their_classes() -> None:
     names = np.array(["Car", "Pedestrian", "Cyclist", "Cyclist", "Bus"])
     many, boxes = np.arange(5), np.arange(35.0).reshape(5, 7)
     points = np.array([3, 1, 0, 5, 2])
-    vehicles = Vehicles(np.array([0, 0, 0, 1, 1]), many, names, boxes, boxes, points, 1.0 * many)
+    vehicles = Vehicles(
+        np.array([0, 0, 0, 1, 1]), many, names, boxes, boxes, points, 1.0 * many, 1.0 * many
+    )
     hit, numbers = hit_boxes(vehicles, 2, ALL)
     assert [part.tolist() for part in numbers] == [[0, 1], [2, 0]]
     np.testing.assert_array_equal(hit[1], boxes[3:])

@@ -686,7 +686,7 @@ def test_wrong_usage_is_one_line_and_exit_code_2(
 
 def test_a_folder_that_is_none_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = [str(tmp_path), str(tmp_path), "--out", str(tmp_path / "out")]
-    assert main.main(["evaluate", *words]) == 2
+    assert main.main(["evaluate", *words]) == 1
     assert capsys.readouterr().err == (
         f"pyinfra: DATA: {tmp_path}: The folder has no training/velodyne and no training/label_2\n"
     )
