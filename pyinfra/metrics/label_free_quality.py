@@ -153,8 +153,8 @@ def refusal(
         )
     if not has_region:
         return (
-            "expected an outline of the road, got none: `pyinfra region` proposes one, and the "
-            "argument --region of `pyinfra import` takes it"
+            "expected an outline of the road, got none: `pyinfra region` proposes one, and "
+            "`region` of `pyinfra import` takes it"
         )
     return ""
 
