@@ -12,10 +12,12 @@ contain the mean and their half-widths. Run it again to resume. The full size is
 from __future__ import annotations
 
 import argparse
+import math
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from pyinfra.core.errors import Error
@@ -74,7 +76,7 @@ def rows_of(
             "ap": ("ap_predicted", "ap_simulated", [one.ap.value for one in found]),
         }  # fmt: skip
         for figure, (before, after, values) in figures.items():
-            mean = over_replicates([one for one in values if one == one])
+            mean = over_replicates([one for one in values if math.isfinite(one)])
             for source, column in (("predicted", before), ("simulated", after)):
                 yield {
                     "site": site_number,
@@ -93,13 +95,19 @@ def rows_of(
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Returns the share of intervals that contain the mean, and their mean half-width."""
+    """Returns the share of intervals that contain the mean, and their mean half-width.
+
+    `agree_percent` allows for the uncertainty of the mean: the difference is within the half-widths
+    of both, added as variances.
+    """
     known = table.dropna(subset=["low", "high", "mean"])
     groups = {("all",): known} | {(name,): part for name, part in known.groupby("lidar")}
     rows = []
     for (lidar,), part in groups.items():
         for (figure, source), some in part.groupby(["figure", "source"]):
             inside = (some.low <= some["mean"]) & (some["mean"] <= some.high)
+            halves = (some.high - some.low) / 2, (some.mean_high - some.mean_low) / 2
+            agree = (some.value - some["mean"]).abs() <= np.hypot(*halves)
             rows.append(
                 {
                     "lidar": lidar,
@@ -107,6 +115,8 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
                     "source": source,
                     "options": len(some),
                     "inside_percent": 100 * inside.mean(),
+                    "agree_percent": 100 * agree.mean(),
+                    "mean_half_width": halves[1].mean(),
                     "half_width": (some.high - some.low).mean() / 2,
                     "bias": (some.value - some["mean"]).mean(),
                 }

@@ -133,12 +133,15 @@ def plan_coverage() -> str:
             row.source,
             str(row.options),
             f"{row.inside_percent:.0f}",
+            f"{row.agree_percent:.0f}",
             f"{row.half_width:.1f}",
+            f"{row.mean_half_width:.1f}",
             f"{row.bias:+.1f}",
         ]
         for row in table.itertuples()
     ]
-    return markdown(["figure", "source", "options", "inside, %", "half-width", "bias"], rows)
+    heads = ["figure", "source", "options", "inside, %", "with that of the mean, %"]
+    return markdown([*heads, "half-width", "half-width of the mean", "bias"], rows)
 
 
 def plan_times() -> str:

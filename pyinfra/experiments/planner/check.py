@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from pyinfra.core.arrays import FloatArray
+from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.dataset import simulation
 from pyinfra.dataset.world_frame import to_world
 from pyinfra.experiments.planner.areas import weighted
@@ -39,7 +39,7 @@ Counted = Callable[[pd.DataFrame], np.ndarray]  # which objects count for a goal
 class Found:
     """The objects in the frames of a simulated option, and which of them have a box."""
 
-    objects: pd.DataFrame  # frame (index), seed, id, person, x, y (world), found
+    objects: pd.DataFrame  # frame (index), person, x, y (world), found, away (of its box, metres)
     frames: int
     false: FloatArray  # (frames,) false boxes of each frame
     ap: Interval
@@ -72,7 +72,7 @@ def simulate_option(
     keys of the scene. yaw_error_deg: error of the assumed yaw of each LiDAR; several LiDARs are
     turned alternately to the left and to the right.
     """
-    tables, false, aps, away, start = [], [], [], [], 0
+    tables, false, aps, start = [], [], [], 0
     for seed, numbers in traffic or traffic_of(site, frames):
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", ".* used on frames")  # the answer says it once
@@ -83,23 +83,23 @@ def simulate_option(
         start += len(numbers)
         for one in (result.vehicles, result.people):
             if one is not None:
-                tables.append(_objects(one, cut).assign(seed=seed))
-                tables[-1]["frame"] = tables[-1].frame.map(at)
+                objects = _objects(one, cut)
+                tables.append(objects.assign(frame=objects.frame.map(at)))
         false.append(_false(result, sorted(numbers), cut))
         aps.append(result.vehicles.ap.iloc[0])
-        away.append(_distances(tables[-1 if result.people is None else -2]))
-    every = np.concatenate(away)
+    every = pd.concat(tables, ignore_index=True)
+    away = every.away[every.found & ~every.person]
     return Found(
-        pd.concat(tables, ignore_index=True),
+        every,
         start,
         np.concatenate(false),
         _mean_ap(aps),
-        float(np.quantile(every, 0.95)) if len(every) else math.nan,
+        float(away.quantile(0.95)) if len(away) else math.nan,
     )
 
 
 def _objects(result: Evaluation, cut: float) -> pd.DataFrame:
-    """Returns the objects that count: frame, id, person, x, y (world frame), found, away."""
+    """Returns the objects that count: frame, person, x, y (world frame), found, away."""
     vehicles, numbers = result.truth.vehicles, np.array(result.truth.frames)
     xy = vehicles.boxes[:, :2]
     truth = pd.DataFrame(
@@ -114,14 +114,9 @@ def _objects(result: Evaluation, cut: float) -> pd.DataFrame:
         world = to_world(world, lidar.T_world_levelled)
     away = np.hypot(rows.x - rows.true_x, rows.y - rows.true_y)
     return pd.DataFrame(
-        {"frame": rows.frame, "id": rows.object_id, "person": rows.person, "x": world[:, 0],
+        {"frame": rows.frame, "person": rows.person, "x": world[:, 0],
          "y": world[:, 1], "found": found, "away": away}
     )  # fmt: skip
-
-
-def _distances(objects: pd.DataFrame) -> FloatArray:
-    """Returns the distances of the boxes of found objects from their true positions, metres."""
-    return np.asarray(objects.away[objects.found], float)
 
 
 def _false(result: Measured, numbers: Sequence[int], cut: float) -> FloatArray:
@@ -173,13 +168,24 @@ def false_rate(found: Found) -> Interval:
     return Interval(value, max(0.0, value - half), value + half)
 
 
+def near_of(objects: pd.DataFrame, site: PlanSite, within_m: float) -> BoolArray:
+    """Returns which objects are within a distance of the centre of the site: (n,)."""
+    away = np.hypot(objects.x - site.centre[0], objects.y - site.centre[1])
+    return np.asarray(away <= within_m)
+
+
+def near_vehicles(found: Found, site: PlanSite, within_m: float) -> BoolArray:
+    """Returns which objects are vehicles within a distance of the centre of the site: (n,)."""
+    near = near_of(found.objects, site, within_m)
+    return np.asarray(near & ~found.objects.person.to_numpy(bool))
+
+
 def standing(
     found: Found, goals: Mapping[str, Counted], site: PlanSite, request: Request
 ) -> Standing:
     """Returns the measured figures of an option. goals: which objects count, by column."""
     objects = found.objects
-    near = np.hypot(objects.x - site.centre[0], objects.y - site.centre[1]) <= request.within_m
-    near, person = near.to_numpy(bool), objects.person.to_numpy(bool)
+    near, person = near_of(objects, site, request.within_m), objects.person.to_numpy(bool)
     weight = weighted(objects, np.where(person, request.people, 1.0) * near, request.areas)
     return Standing(
         share(found, near & ~person),
@@ -201,9 +207,7 @@ def paired(before: Found, after: Found, site: PlanSite, within_m: float) -> Inte
     """
 
     def per_frame(one: Found) -> tuple[FloatArray, FloatArray]:
-        objects = one.objects
-        near = np.hypot(objects.x - site.centre[0], objects.y - site.centre[1]) <= within_m
-        some = objects[near & ~objects.person]
+        some = one.objects[near_vehicles(one, site, within_m)]
         return (
             np.bincount(some.frame, some.found, one.frames).astype(float),
             np.bincount(some.frame, minlength=one.frames).astype(float),

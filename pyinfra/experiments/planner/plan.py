@@ -362,7 +362,7 @@ def chosen(
         every,
         units,
         changes,
-        steps.check_frames,
+        len(site.other_frames(steps.check_frames)),
     )
     probability = [predictions[one.units].probability for one in options]
     front = front_of(stands, rows_of_all, goals, probability, units, unseen.objects, law, request)

@@ -15,7 +15,14 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.experiments.planner.check import Found, Parts, paired, share, simulate_option
+from pyinfra.experiments.planner.check import (
+    Found,
+    Parts,
+    near_vehicles,
+    paired,
+    share,
+    simulate_option,
+)
 from pyinfra.experiments.planner.choice import Choice, Units
 from pyinfra.experiments.planner.decide import PERCENT, Move
 from pyinfra.experiments.planner.predict import UNKNOWN, Prediction
@@ -107,8 +114,7 @@ def changed_rows(
             site, moved, detector, cut, frames,
             scene=case.scene, yaw_error_deg=case.yaw_error_deg,
         )  # fmt: skip
-        near = np.hypot(found.objects.x - site.centre[0], found.objects.y - site.centre[1])
-        counted = (near <= within_m).to_numpy(bool) & ~found.objects.person.to_numpy(bool)
+        counted = near_vehicles(found, site, within_m)
         change = paired(before, found, site, within_m)
         row = {"case": case.name, "option": 1, "chosen": "yes", "source": SIMULATED}
         yield row | ends("recall", share(found, counted), 100) | ends("change", change, 100)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from pyinfra.experiments.planner.choice import Choice
-from pyinfra.experiments.planner.predict import UNKNOWN, Prediction
+from pyinfra.experiments.planner.predict import Prediction
 from pyinfra.experiments.planner.request import Request
 from pyinfra.metrics.comparison import Interval
 
@@ -52,7 +52,7 @@ def most_false(request: Request) -> float:
 
 def verdict(one: Standing, request: Request) -> Verdict:
     """Returns whether an option meets the request: by its interval, not by its value alone."""
-    if one.recall is UNKNOWN or not one.recall.is_known:
+    if not one.recall.is_known:
         return "not known"
     most, false = most_false(request), one.false_per_frame
     if one.recall.high < request.find or false.low > most:
