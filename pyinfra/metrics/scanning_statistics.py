@@ -108,9 +108,10 @@ def data_set_tables(
 ) -> Tables:
     """Returns all tables of one data set except the tables of scan patterns.
 
-    The first columns of each table identify the data set. Without trajectories.csv, there
-    is no table of speeds. accumulate: number of consecutive frames that are merged into one. Raises
-    Error if there are not that many consecutive frames.
+    The first columns of each table identify the data set. Recordings and data sets of `frames.save`
+    have no trajectories.csv, and no table of speeds; a run, which has summary.csv, must have it.
+    accumulate: number of consecutive frames that are merged into one. Raises Error if there are not
+    that many consecutive frames.
     """
     ends = ends_of_runs(data.frames, accumulate)
     blocks = blocks_of(data, vehicles, ends)
@@ -124,7 +125,7 @@ def data_set_tables(
         last = np.array(data.frames)[accumulate - 1 :]
         counts[lidar.name] = run_returns[np.isin(last, ends)]
     tables["hit_points"] = statistics_tables.hit_points(counts, blocks)
-    if (data.folder / "trajectories.csv").is_file():
+    if any((data.folder / name).is_file() for name in ("trajectories.csv", "summary.csv")):
         tables["speed"] = speed_table(data)
     named = {name: described(data, rows, above_road) for name, rows in tables.items()}
     if accumulate == 1:

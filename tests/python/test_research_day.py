@@ -243,7 +243,11 @@ def test_a_data_set_is_divided_checked_described_and_drawn(
     assert set(pi.validate(data).columns) == {"level", "name", "text"}
     found = pi.Detections(frames.labels.assign(score=1.0)).save(tmp_path / "found", frames.numbers)
     assert not (pi.validate(frames, found).level == "error").any()
-    assert len(pi.trust(frames, found)) > 1
+    with pytest.raises(pi.Error, match="expected a recording of 10 s or more"):
+        pi.trust(frames, found)
+    whole = pi.simulate(pi.load_scene("highway"), "helios_16", range(105))
+    boxes = pi.Detections(whole.labels.assign(score=1.0)).save(tmp_path / "boxes", whole.numbers)
+    assert len(pi.trust(whole, boxes)) > 1
     tables = pi.statistics(data, tmp_path / "statistics")
     assert (tmp_path / "statistics/points_per_vehicle.csv").is_file()
     assert len(tables["points_per_vehicle"])

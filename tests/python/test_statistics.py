@@ -461,6 +461,10 @@ def test_a_recording_has_no_speeds_and_its_pedestrians_are_no_vehicles(tmp_path:
     (recording / "trajectories.csv").unlink()
     saved = scanning_statistics.statistics([recording], patterns=False)  # as frames.save writes it
     assert "speed" not in saved
+    (recording / "summary.csv").write_text("")
+    with pytest.raises(FileNotFoundError, match=r"trajectories\.csv"):  # a run must have this file
+        scanning_statistics.statistics([recording], patterns=False)
+    (recording / "summary.csv").unlink()
     for file in (recording / "dataset.yaml", recording / "a/lidar.yaml"):
         file.write_text(file.read_text().replace("preset: paper", "preset: recorded"))
     assert read_observations(read_data_set(recording)).ids.tolist() == [1]
