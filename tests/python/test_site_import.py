@@ -3,9 +3,11 @@ clear."""
 
 import bz2
 import cmath
+import gc
 import gzip
 import itertools
 import math
+import os
 import re
 import shutil
 import sys
@@ -27,11 +29,12 @@ from pyinfra.experiments.planner.candidates import PoseGrid, read_candidates
 from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.formats.ply import Triangles, degenerate, read_ply
 from pyinfra.scenes.maps.compass import looks_to
-from pyinfra.scenes.maps.geographic import Projection, metres_of_degrees
+from pyinfra.scenes.maps.geographic import Projection, metres_of_degrees, network_projection
 from pyinfra.scenes.maps.lane_map import MapError, MapLane, SiteMap
 from pyinfra.scenes.maps.map_import import import_map
 from pyinfra.scenes.maps.map_readers import ImportOptions
 from pyinfra.scenes.maps.mount_guess import guess_pole
+from pyinfra.scenes.maps.network import read_network
 from pyinfra.scenes.maps.opendrive_geometry import read_reference_line
 from pyinfra.scenes.maps.openstreetmap import (
     StreetMap,
@@ -721,3 +724,19 @@ def test_what_an_import_writes_passes_check_with_its_traffic(
 )
 def test_a_yaw_is_a_compass_bearing(yaw_deg: float, text: str) -> None:
     assert looks_to(yaw_deg) == text
+
+
+def test_readers_of_networks_close_their_file(tmp_path: Path) -> None:
+    edge = '<edge id="a"><lane id="a_0" shape="0,0 1,nan"/></edge>'
+    location = '<location netOffset="0,0" projParameter="!"/>'
+    file = tmp_path / "map.net.xml"
+    file.write_text(f"<net>{location}{edge}{edge * 1000}</net>")
+    gc.disable()  # a collection would close the file
+    try:
+        assert network_projection(file) is None
+        with pytest.raises(MapError, match="shape"):
+            read_network(file)
+        open_files = [os.path.realpath(f) for f in Path("/proc/self/fd").iterdir()]
+    finally:
+        gc.enable()
+    assert str(file.resolve()) not in open_files

@@ -125,11 +125,13 @@ def network_projection(net_file: Path) -> Projection | None:
     Raises FormatError for a projection that is not a transverse Mercator, and OSError.
     """
     try:
-        for _, node in ElementTree.iterparse(net_file, events=("start",)):
-            if node.tag == "location":
-                return _of_location(node.get("projParameter", "!"), node.get("netOffset", "0,0"))
-            if node.tag in ("edge", "junction"):
-                break
+        with net_file.open("rb") as stream:  # `iterparse` closes a file only at its end
+            for _, node in ElementTree.iterparse(stream, events=("start",)):
+                if node.tag == "location":
+                    words = node.get("projParameter", "!")
+                    return _of_location(words, node.get("netOffset", "0,0"))
+                if node.tag in ("edge", "junction"):
+                    break
     except (ElementTree.ParseError, ValueError) as error:
         raise FormatError(
             f"{net_file}: location: expected a projection that SUMO writes, got {error}"

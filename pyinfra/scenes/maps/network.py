@@ -33,14 +33,15 @@ def read_network(file: Path, *, lanes: bool = True) -> SiteMap:
     """Reads a network. With `lanes` = False, only the junctions are read. Raises MapError."""
     site_map = SiteMap()
     try:
-        for _, node in ElementTree.iterparse(file):
-            if node.tag == "edge":
-                if lanes:
-                    _read_edge(node, site_map)
-                node.clear()
-            elif node.tag == "junction":
-                _read_junction(node, site_map)
-                node.clear()
+        with file.open("rb") as stream:  # `iterparse` does not close a file after an error
+            for _, node in ElementTree.iterparse(stream):
+                if node.tag == "edge":
+                    if lanes:
+                        _read_edge(node, site_map)
+                    node.clear()
+                elif node.tag == "junction":
+                    _read_junction(node, site_map)
+                    node.clear()
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise MapError(f"{file}: cannot be read as XML: {error}") from error
     except MapError as error:
