@@ -9,6 +9,10 @@ With --cut-angles, the same trained detector is also tested on frames of spinnin
 angle is turned left by these degrees. With --training-cut-angles, it is trained on such frames; by
 default it is trained at the LiDAR's own cut angle.
 
+With --law-exponents, the frames of training and test have this exponent of the law of range. The
+catalogue has 0.25 for LiDARs of which only one range is published, and 0.5 is the other end of what
+vendors publish.
+
 Rows are added to the output as they are made; existing rows are kept. Several processes can share
 the work.
 
@@ -19,37 +23,23 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import shutil
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import get_args
 
-import numpy as np
 import pandas as pd
 
-from pyinfra.core.arrays import BoolArray
 from pyinfra.core.files import held, replacing
 from pyinfra.core.vocabulary import PRESETS, SUBSETS, LabelTime, Preset, Tier
 from pyinfra.dataset import split
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.data_set import read_data_set
-from pyinfra.dataset.frames import frame_numbers
-from pyinfra.dataset.roads import Places
 from pyinfra.dataset.runs import infrasim
-from pyinfra.dataset.windows import Near
 from pyinfra.experiments import store
 from pyinfra.experiments.stress import lidar as lidar_keys
-from pyinfra.formats import kitti
-from pyinfra.metrics import ap
-from pyinfra.metrics.evaluate import match_results_of
-from pyinfra.metrics.evaluation_tables import area_table, distance_table
-from pyinfra.metrics.match_results import MatchResult, Part
-from pyinfra.metrics.ranges import sensor_of
-from pyinfra.metrics.settings import Settings
-from pyinfra.models.inference.detect import model_file
-from pyinfra.models.inference.folder import detect_folder, place
 from reproduction import add_out, add_work, provenance, shared_frames
+from reproduction.measures import rows_of_test
 from reproduction.train_detector import train_detector
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
@@ -59,7 +49,7 @@ VERSION = 1  # of the results of this file; raise it with a change that alters t
 TRAIN_FRAMES, TEST_FRAMES = "0:5000:11", "0:5000:47"
 TRAIN_SEEDS_FROM = 1000
 TESTS = 2  # number of test seeds of a replicate
-SPLIT_M = 60.0  # distance between the near and the far part of the region
+LAW_EXPONENTS = (0.25, 0.5)  # both ends of the law of range; the first is the catalogue's
 SPINNING = ("ruby_plus", "pandar_64", "helios_16")
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 BUNDLES = {"crossroad": "bundle_5_livox_avia"}  # the LiDAR that replaces the single Avia in a scene
@@ -94,10 +84,9 @@ SETUPS = {
 MAIN = ("fine-tuned", "background", "pretrained")
 KEY = (
     "scene preset lidar detector judge replicate seed subset label_time training_cut_angle_deg "
-    "cut_angle_deg"
+    "cut_angle_deg law_exponent"
 ).split()
 TEXT = ["judge", "label_time", "subset"]  # columns of the key that hold text in each row
-SETTINGS = Settings(ground_truths=SUBSETS)
 
 
 @dataclass(frozen=True)
@@ -108,10 +97,16 @@ class Replicate:
     preset: Preset
     label_time: LabelTime
     replicate: int
+    law_exponent: float = LAW_EXPONENTS[0]
 
     @property
     def name(self) -> str:
-        return "_".join(map(str, asdict(self).values()))
+        name = f"{self.scene}_{self.preset}_{self.label_time}_{self.replicate}"
+        return name if self.at_catalogue_law else f"law_{self.law_exponent}_{name}"
+
+    @property
+    def at_catalogue_law(self) -> bool:
+        return self.law_exponent == LAW_EXPONENTS[0]
 
     @property
     def test_seeds(self) -> list[int]:
@@ -125,16 +120,6 @@ class Replicate:
         """Returns the LiDARs of the scene in place of `lidars`, of which the Avia is a bundle."""
         bundle = BUNDLES.get(self.scene)
         return [bundle if bundle and name == "livox_avia" else name for name in lidars]
-
-
-@dataclass(frozen=True)
-class Far:
-    """The part of the region that is farther away than `near`."""
-
-    near: Near
-
-    def holds(self, places: Places) -> BoolArray:
-        return np.asarray(places.inside & ~self.near.holds(places))
 
 
 def simulated(
@@ -153,6 +138,8 @@ def simulated(
         lidars = turned(unturned, cut_angle_deg, folder.with_name(f"{folder.name}_lidars"))
     words = ["--preset", replicate.preset, "--label-time", replicate.label_time]
     words += ["--seed", str(seed), "--frames", frames, "--threads", "1", "--out", str(folder)]
+    if not replicate.at_catalogue_law:
+        words += ["--law-exponent", str(replicate.law_exponent)]
     with held(folder.with_name(f"{folder.name}.lock"), wait=True):
         infrasim("run", scene_file(replicate.scene), "--lidar", *lidars, *words)
     return folder
@@ -185,56 +172,14 @@ def model_of(trained: Trained, work: Path) -> tuple[Path, float]:
     return run, train_detector(using.detector, data / lidar, run, *how)[1]
 
 
-def rows_of_test(
-    model: Path, folder: Path, predictions: Path, part: str = "all"
-) -> list[dict[str, object]]:
-    """Runs a model on frames of a LiDAR's folder; returns a row of measures per subset.
-
-    Frames are stacked if the model needs stacked frames. The folder `predictions` is removed.
-    part: list of frames in ImageSets, or `all`.
-    """
-    frames = frame_numbers(folder, part)
-    if predictions.is_dir():  # of a test that was stopped
-        shutil.rmtree(predictions)
-    files = [kitti.frame_file(folder, "velodyne", k) for k in frames]
-    site = place(folder)
-    detect_folder(model_file(model), folder, predictions, files=files, where=site, warn=print)
-    results = match_results_of(folder, predictions, SETTINGS, frames=frames)
-    rows = [
-        {"subset": subset, "frames": len(frames), **measures(result)}
-        for subset, result in zip(SUBSETS, results, strict=True)
-    ]
-    shutil.rmtree(predictions)
-    return rows
-
-
-def measures(result: MatchResult) -> dict[str, object]:
-    """Returns the measures of one ground-truth subset.
-
-    ap_r1000_frames_sd is the standard deviation of AP over bootstrap replicates of the frames.
-    `near` and `far` are the parts of the region within and beyond SPLIT_M.
-    """
-    near = Near(SPLIT_M, sensor_of(result.match_input.truth))
-    areas = area_table(result, *distance_table(result, SETTINGS.min_objects)).iloc[0]
-    ap_of_replicates = ap.average_precision(result.ranking(), ap.R1000_RECALLS, result.weights)
-    return {
-        "ap_r1000": ap_of(result),
-        "ap_r1000_frames_sd": float(ap_of_replicates.std(ddof=1)),
-        "ap_r1000_near": ap_of(result, near),
-        "ap_r1000_far": ap_of(result, Far(near)),
-        "n_hqda": areas.n_hqda,
-        "p_hqda": areas.p_hqda,
-        "objects": result.objects,
-    }
-
-
-def ap_of(result: MatchResult, part: Part | None = None) -> float:
-    return float(ap.average_precision(result.ranking(part), ap.R1000_RECALLS)[0])
-
-
 def at_own_cut_angle(table: pd.DataFrame) -> pd.DataFrame:
     """Returns the rows of a table of experiments in which no cut angle is turned."""
     return table[(table.cut_angle_deg == 0) & (table.training_cut_angle_deg == 0)]
+
+
+def at_catalogue_law(table: pd.DataFrame) -> pd.DataFrame:
+    """Returns the rows of a table of experiments or claims with the catalogue's law of range."""
+    return table[table.law_exponent == LAW_EXPONENTS[0]]
 
 
 @dataclass(frozen=True)
@@ -298,6 +243,8 @@ def fill(trained: Trained, work: Path, out: Path) -> None:
             words += f" --cut-angles {' '.join(map(str, trained.cut_angles_deg))}"
         if trained.training_cut_angle_deg:
             words += f" --training-cut-angles {trained.training_cut_angle_deg}"
+        if not replicate.at_catalogue_law:
+            words += f" --law-exponents {replicate.law_exponent}"
         columns = {"train_cpu_s": round(seconds, 1), **provenance(words)}
         table = pd.DataFrame(rows).assign(**columns)
         store.put(out, table[[*KEY, *(name for name in table if name not in KEY)]], KEY)
@@ -333,6 +280,14 @@ def main() -> None:
         help="as --cut-angles, of the frames of the training",
     )
     parser.add_argument(
+        "--law-exponents",
+        nargs="+",
+        type=float,
+        choices=LAW_EXPONENTS,
+        default=[LAW_EXPONENTS[0]],
+        help="of LiDARs of which only one range is published (default: that of the catalogue)",
+    )
+    parser.add_argument(
         "--lidars",
         nargs="+",
         choices=LIDARS,
@@ -345,10 +300,10 @@ def main() -> None:
     )
     args = parser.parse_args()
     numbers = args.only or range(1, args.replicates + 1)
-    for scene, label_time, number, preset in itertools.product(
-        args.scenes, args.label_times, numbers, args.presets
+    for scene, label_time, number, preset, exponent in itertools.product(
+        args.scenes, args.label_times, numbers, args.presets, args.law_exponents
     ):
-        replicate = Replicate(scene, preset, label_time, number)
+        replicate = Replicate(scene, preset, label_time, number, exponent)
         detectors = [
             Trained(setup, replicate, lidar, tuple(args.cut_angles), angle)
             for lidar, setup, angle in itertools.product(

@@ -26,7 +26,8 @@ from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store
 from pyinfra.models.training.accumulation import Accumulation
 from reproduction import add_out, add_seeds, add_work, provenance
-from reproduction.commands.experiments import TRAIN_SEEDS_FROM, rows_of_test
+from reproduction.commands.experiments import TRAIN_SEEDS_FROM
+from reproduction.measures import rows_of_test
 from reproduction.train_detector import train_detector
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them

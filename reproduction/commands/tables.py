@@ -51,6 +51,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "verdicts, gentle": partial(verdicts.verdicts, "gentle"),
     "verdicts, areas": partial(verdicts.verdicts, "areas"),
     "verdicts, value": partial(verdicts.verdicts, "value", "present"),
+    "law of range": verdicts.law_of_range,
     "value, paper": partial(verdicts.value, "paper"),
     "value, datasheet": partial(verdicts.value, "datasheet"),
     "gain by fine-tuning": verdicts.bias,

@@ -33,7 +33,7 @@ import pandas as pd
 
 from pyinfra.experiments import store
 from reproduction import add_out, provenance
-from reproduction.commands.experiments import TEXT, at_own_cut_angle
+from reproduction.commands.experiments import TEXT, at_catalogue_law, at_own_cut_angle
 from reproduction.commands.verdicts import LEAST_REPLICATES, WIDE
 from reproduction.frames_number import number_of
 
@@ -48,7 +48,7 @@ def quantities(table: pd.DataFrame) -> pd.DataFrame:
 
     The columns are those of CHOICES, replicate, seed, quantity, value and frames_sd.
     """
-    rows = at_own_cut_angle(table[table.subset == "captured"])
+    rows = at_catalogue_law(at_own_cut_angle(table[table.subset == "captured"]))
     replicates = rows.groupby(CHOICES).replicate.transform("nunique")
     rows = rows[replicates >= LEAST_REPLICATES]
     rows = rows[(rows["judge"] != "from nothing") | (rows.detector == "pointpillars")]

@@ -3,8 +3,12 @@
 A claim's value in a replicate is the mean over the replicate's test seeds. The interval is
 Student's t interval over replicates. Its confidence level is 1 - 0.05 / 3, because a claim can be
 tested three times: after 3, 5 and 10 replicates. Replicates that lack a LiDAR, or a detector if
-detectors are compared, are left out. So are those after the last of these numbers. The command
-writes results/claims.csv:
+detectors are compared, are left out. So are those after the last of these numbers. A claim that is
+undecided after the last number is `not known`.
+
+Two detectors are trained for each LiDAR (column `primary`). The rows with judge `both` have the
+verdict of both. The command writes results/claims.csv, and prints which experiments further
+replicates may decide:
 
     python -m reproduction verdicts results/experiments.csv --out results/claims.csv
 """
@@ -26,11 +30,23 @@ from pyinfra.core.errors import Error
 from pyinfra.experiments import store
 from pyinfra.metrics.comparison import over_replicates
 from reproduction import add_out, provenance
+from reproduction.claims.two_detectors import (
+    CHEAPER,
+    FAILS_ABOVE,
+    FAILS_BELOW,
+    HOLDS,
+    NOT_KNOWN,
+    PRIMARY,
+    TOO_FEW,
+    UNDECIDED,
+    of_both,
+    undecided,
+)
 from reproduction.commands.experiments import TEXT, at_own_cut_angle
 from reproduction.frames_number import number_of
 from reproduction.tables.common import results
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 2  # of the results of this file; raise it with a change that alters them
 
 TESTS_AFTER = (3, 5, 10)  # numbers of replicates after which a claim is tested
 LEVEL = 1 - 0.05 / len(TESTS_AFTER)  # confidence level of each test
@@ -40,10 +56,8 @@ WIDE, MIDDLE = "ruby_plus", "pandar_64"
 SPINNING = [WIDE, MIDDLE, "helios_16"]
 PAIR = ("avia", WIDE)
 MEASURES = ["ap_r1000", "ap_r1000_near", "ap_r1000_far", "p_hqda"]
-TOO_FEW = "too few replicates"
-CHEAPER = "fails, as a cheaper LiDAR reaches it"
-GROUP = ["scene", "preset", "judge", "detector", "label_time", "subset"]
-OF_DETECTORS = ["scene", "preset", "judge", "lidar", "label_time", "subset"]  # group of one LiDAR
+GROUP = ["scene", "preset", "judge", "detector", "label_time", "law_exponent", "subset"]
+OF_DETECTORS = [name if name != "detector" else "lidar" for name in GROUP]  # group of one LiDAR
 NETWORKS = ("pointpillars", "pv-rcnn", "dsvt")  # the study's, without PointRCNN
 
 Values = Callable[[pd.DataFrame], pd.Series]
@@ -105,9 +119,14 @@ def spread(rows: pd.DataFrame) -> pd.Series:
     return aps.max(axis=1) - aps.min(axis=1)
 
 
-def best_less(name: str) -> Values:
-    """Returns a function that computes the best AP of NETWORKS minus that of a detector."""
-    return lambda rows: rows.ap_r1000[list(NETWORKS)].max(axis=1) - rows.ap_r1000[name]
+def above_dsvt(rows: pd.DataFrame) -> pd.Series:
+    """Returns the lower AP of PointPillars and PV-RCNN minus that of DSVT, by replicate."""
+    return rows.ap_r1000[["pointpillars", "pv-rcnn"]].min(axis=1) - rows.ap_r1000["dsvt"]
+
+
+def above_pointrcnn(rows: pd.DataFrame) -> pd.Series:
+    """Returns the highest AP of NETWORKS minus that of PointRCNN, by replicate."""
+    return rows.ap_r1000[list(NETWORKS)].max(axis=1) - rows.ap_r1000["pointrcnn"]
 
 
 def _of_detectors(name: str, values: Values, low: float, high: float, *more: str) -> Claim:
@@ -116,11 +135,8 @@ def _of_detectors(name: str, values: Values, low: float, high: float, *more: str
 
 CLAIMS_OF_DETECTORS = (
     _of_detectors("similar", spread, -math.inf, 5),
-    *(
-        _of_detectors(f"algorithms, {name}", best_less(name), -math.inf, 5)
-        for name in ("pv-rcnn", "pointpillars")
-    ),
-    _of_detectors("algorithms, pointrcnn", best_less("pointrcnn"), 20, math.inf, "pointrcnn"),
+    _of_detectors("algorithms, dsvt", above_dsvt, 0, math.inf),
+    _of_detectors("algorithms, pointrcnn", above_pointrcnn, 20, math.inf, "pointrcnn"),
 )
 
 
@@ -135,14 +151,32 @@ def interval(values: FloatArray) -> tuple[float, float]:
     return mean.low, mean.high
 
 
-def verdict(claim: Claim, low: float, high: float) -> str:
+def verdict(claim: Claim, low: float, high: float, replicates: int = LEAST_REPLICATES) -> str:
     if math.isnan(low):
         return TOO_FEW
     if claim.low <= low and high <= claim.high:
-        return "holds"
+        return HOLDS
     if low > claim.high:
-        return "fails above"
-    return "fails below" if high < claim.low else "undecided"
+        return FAILS_ABOVE
+    return FAILS_BELOW if high < claim.low else not_decided(replicates)
+
+
+def not_decided(replicates: int) -> str:
+    return NOT_KNOWN if replicates >= TESTS_AFTER[-1] else UNDECIDED
+
+
+def of_value(cheaper_ends: Collection[tuple[float, float]], replicates: int) -> str:
+    """Returns the verdict of the claim `value` if the Avia reaches the level.
+
+    The claim holds if each cheaper LiDAR is below the level, not merely if it is not above.
+
+    Parameters
+    ----------
+    cheaper_ends : intervals of the cheaper LiDARs' AP less the level
+    """
+    if any(low > 0 for low, _ in cheaper_ends):
+        return CHEAPER
+    return HOLDS if all(high < 0 for _, high in cheaper_ends) else not_decided(replicates)
 
 
 def check_pairs(table: pd.DataFrame) -> None:
@@ -204,18 +238,23 @@ def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
             if key[-1] not in claim.subsets or not set(claim.names) <= set(rows.lidar):
                 continue
             row, values = decided(claim, means)
-            if claim.name == "value" and row["verdict"] == "holds":
+            if claim.name == "value" and row["verdict"] == HOLDS:
                 rivals = cheaper(set(original.lidar[rows.index]))
                 same = means.loc[values.index]
-                above = [interval(above_level(same, name).to_numpy()) for name in rivals]
-                row["verdict"] = CHEAPER if any(low > 0 for low, _ in above) else "holds"
-            yield {**row, "primary": key[2] == "fine-tuned", **dict(zip(GROUP, key, strict=True))}
+                ends = [interval(above_level(same, name).to_numpy()) for name in rivals]
+                row["verdict"] = of_value(ends, len(values))
+            yield {**row, "primary": is_primary(key), **dict(zip(GROUP, key, strict=True))}
     networks = table[table["judge"] == "from nothing"]
     for key, rows in networks.groupby(OF_DETECTORS, sort=False):
         for claim in CLAIMS_OF_DETECTORS:
             if key[-1] in claim.subsets and set(claim.names) <= set(rows.detector):
                 row, _ = decided(claim, means_of(rows[rows.detector.isin(claim.names)], "detector"))
                 yield {**row, "primary": False, **dict(zip(OF_DETECTORS, key, strict=True))}
+
+
+def is_primary(key: tuple[object, ...]) -> bool:
+    """Returns whether a group of GROUP has a detector that decides, and labels at scan time."""
+    return key[2:4] in PRIMARY and key[4] == "scan"
 
 
 def decided(claim: Claim, means: pd.DataFrame) -> tuple[dict[str, object], pd.Series]:
@@ -234,7 +273,7 @@ def decided(claim: Claim, means: pd.DataFrame) -> tuple[dict[str, object], pd.Se
         "high": high,
         "precision": claim.precision,
         "known": high - low <= 2 * claim.precision,
-        "verdict": verdict(claim, low, high),
+        "verdict": verdict(claim, low, high, len(values)),
     }
     return row, values
 
@@ -249,8 +288,12 @@ def main() -> None:
     for line in missing(table):
         print(f"warning: {line}", file=sys.stderr)
     number = number_of(table, str(args.experiments))
-    rows = pd.DataFrame(claims(table)).assign(**provenance(f"verdicts {args.experiments}", number))
+    single = pd.DataFrame(claims(table))
+    rows = pd.concat([single, pd.DataFrame(of_both(single))], ignore_index=True)
+    rows = rows.assign(**provenance(f"verdicts {args.experiments}", number))
     first = ["claim", "primary", *GROUP, "lidar"]
     rows = rows.reindex(columns=[*first, *(name for name in rows if name not in first)])
     rows.to_csv(args.out, index=False, float_format="%.5g")
     print(rows.drop(columns=["version", "machine", "command"]).to_string(index=False))
+    for line in undecided(single):
+        print(f"further replicates may decide: {line}")

@@ -19,10 +19,7 @@ CLAIMS = {
     "near-range": "At short distance the 128 lines have the most points on a vehicle",
     "ratio": "128, 64 and 16 lines have points on a vehicle in the ratio 8 : 4 : 1",
     "gentle": "Points and AP of the non-repetitive LiDAR decrease more slowly with distance",
-    "areas": (
-        "The non-repetitive LiDAR has the same share of high-quality areas as the 128 lines, but "
-        "fewer of them"
-    ),
+    "areas": "The non-repetitive LiDAR has the same share of high-quality areas as the 128 lines",
     "algorithms": (
         "PointRCNN has a much lower AP than the others; PV-RCNN and PointPillars have the highest"
     ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pyinfra.core.vocabulary import PRESETS
+from reproduction.commands.experiments import at_catalogue_law
 from reproduction.commands.verdicts import LEVEL
 from reproduction.tables.common import markdown, number, results, tenth
 from reproduction.tables.findings import rows_of
@@ -50,8 +51,9 @@ def same_vehicles() -> list[str]:
 
     The row has the differences under the study's settings and by data sheets.
     """
-    table = results("claims")
-    keep = (table.claim == "comparable") & (table.subset == "common") & table.primary
+    table = at_catalogue_law(results("claims"))
+    keep = (table.claim == "comparable") & (table.subset == "common")
+    keep &= table["judge"] == "fine-tuned"
     keep &= (table.scene == "highway") & (table.label_time == "scan")
     rows = table[keep].set_index("preset")
     paper, datasheet = (f"{rows.value[name]:+.1f}" for name in ("paper", "datasheet"))

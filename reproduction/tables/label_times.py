@@ -12,6 +12,7 @@ import pandas as pd
 from scipy import stats
 
 from pyinfra.core.arrays import FloatArray
+from reproduction.commands.experiments import at_catalogue_law
 from reproduction.commands.verdicts import LEAST_REPLICATES
 from reproduction.tables.common import LIDARS, markdown, mean_of_ap, results
 from reproduction.tables.verdicts import SETUPS
@@ -27,7 +28,7 @@ def _aps() -> Iterator[tuple[tuple[str, str, str], Aps]]:
 
     The AP of all LiDARs and label times is of the same replicates.
     """
-    table = results("experiments")
+    table = at_catalogue_law(results("experiments"))
     table = table[(table.subset == "captured") & table["judge"].isin(SETUPS)]
     table = table[table.training_cut_angle_deg == 0]
     for key, part in table.groupby(["scene", "preset", "judge"], sort=False):
@@ -98,7 +99,7 @@ def training_cut_angles() -> str:
     Each row is one cut angle of the training, and each column one of the tests. All of them have
     the same replicates.
     """
-    table = results("experiments")
+    table = at_catalogue_law(results("experiments"))
     table = table[(table.subset == "captured") & (table.label_time == "frame")]
     groups = table.groupby(["scene", "preset", "judge", "lidar"], sort=False)
     rows = []

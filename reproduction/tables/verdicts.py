@@ -10,13 +10,13 @@ import pandas as pd
 
 from pyinfra.metrics.comparison import over_replicates
 from pyinfra.metrics.intervals import student
-from reproduction.commands.experiments import at_own_cut_angle
+from reproduction.claims.two_detectors import BOTH, DEPENDS, NOT_KNOWN, ONE, TOO_FEW, UNDECIDED
+from reproduction.commands.experiments import LAW_EXPONENTS, at_catalogue_law, at_own_cut_angle
 from reproduction.commands.variance import DIFFERENCE
 from reproduction.commands.verdicts import (
     LEAST_REPLICATES,
     LEVEL,
     LEVEL_AP,
-    TOO_FEW,
     WIDE,
     planned,
 )
@@ -33,7 +33,8 @@ SETUPS = {
     "background": "Background",
     "pretrained": "pretrained, not fine-tuned",
 }
-JUDGES = {**SETUPS, "from nothing": "PointPillars, trained at the scene"}
+NETWORK = {"from nothing": "PointPillars, trained at the scene"}
+JUDGES = {"fine-tuned": SETUPS["fine-tuned"], **NETWORK, BOTH: "both", **SETUPS}
 TRAINED = {  # detectors by (judge, detector)
     ("fine-tuned", "generalist"): "pretrained, fine-tuned",
     ("pretrained", "generalist"): "pretrained, not fine-tuned",
@@ -52,17 +53,19 @@ COMPONENTS = {
 }
 SITE_COSTS_USD = (0, 10_000, 20_000)
 REPLICATES = (3, 5, 10)
+FALSE_BY_CHANCE = 0.05  # bound of the probability of a false verdict of one detector
 
 
 def verdicts(claim: str, subset: str = "captured") -> str:
     """Returns a table with one row per scene and preset, and one column per judge.
 
-    Of the networks that were trained from nothing, it has PointPillars.
+    Of the networks that were trained from nothing, it has PointPillars. The column of both
+    detectors has the verdict of the study.
     """
     table = _claims_with_enough_replicates()
-    table = table[table.detector.isin(("generalist", "background", "pointpillars"))]
+    shown = (table["judge"] != "from nothing") | (table.detector == "pointpillars")
     rows = table[
-        (table.claim == claim) & (table.subset == subset) & (table.label_time == "scan")
+        shown & (table.claim == claim) & (table.subset == subset) & (table.label_time == "scan")
     ].set_index(["scene", "preset", "judge"])
     pairs = rows.index.droplevel("judge").unique()
     judges = rows.index.unique("judge")
@@ -74,8 +77,8 @@ def verdicts(claim: str, subset: str = "captured") -> str:
 
 
 def _claims_with_enough_replicates() -> pd.DataFrame:
-    """Returns the claims that have enough replicates for a verdict."""
-    table = results("claims")
+    """Returns the claims that have enough replicates for a verdict, by the catalogue's law."""
+    table = at_catalogue_law(results("claims"))
     return table[table.verdict != TOO_FEW]
 
 
@@ -83,6 +86,8 @@ def _verdict(rows: pd.DataFrame, key: tuple[str, ...]) -> str:
     if key not in rows.index:
         return ""
     row = rows.loc[key]
+    if math.isnan(row.value):
+        return str(row.verdict)
     return f"{row.value:+.1f} [{row.low:.1f}, {row.high:.1f}], {row.verdict}"
 
 
@@ -91,7 +96,7 @@ def _aps(subset: str, setup: str = "fine-tuned") -> Iterator[tuple[tuple[str, st
 
     The replicates are those of the verdicts.
     """
-    table = at_own_cut_angle(results("experiments"))
+    table = at_catalogue_law(at_own_cut_angle(results("experiments")))
     table = table[
         (table.subset == subset) & (table["judge"] == setup) & (table.label_time == "scan")
     ]
@@ -122,7 +127,7 @@ def detectors(scene: str, preset: str, subset: str = "captured") -> str:
     A detector with one or two replicates has no interval. The CPU seconds of the training, and the
     milliseconds of a frame on one thread, are means over both LiDARs.
     """
-    table = at_own_cut_angle(results("experiments"))
+    table = at_catalogue_law(at_own_cut_angle(results("experiments")))
     latency = results("latency")
     latency = latency[(latency.scene == scene) & (latency.preset == preset)]
     ms_of = latency.groupby(["judge", "detector"]).latency_p50_ms.mean()
@@ -258,19 +263,47 @@ def _half_width(sd: pd.Series, replicates: int, tests: int = 2) -> float:
     return math.sqrt(variance_of_mean) * student(replicates)
 
 
+def law_of_range() -> str:
+    """Returns the verdicts of both detectors on the highway at both ends of the law of range.
+
+    The presets without a law of range have no row.
+    """
+    table = results("claims")
+    table = table[(table.judge == BOTH) & (table.scene == "highway") & (table.label_time == "scan")]
+    table = table[table.preset == "datasheet"]
+    rows = []
+    for (claim, subset), part in table.groupby(["claim", "subset"], sort=False):
+        by_exponent = part.set_index("law_exponent").verdict
+        ends = [by_exponent.get(exponent, "not measured") for exponent in LAW_EXPONENTS]
+        rows.append([f"`{claim}`", f"`{subset}`", *ends])
+    return markdown(["claim", "vehicles", *(f"exponent {e:g}" for e in LAW_EXPONENTS)], rows)
+
+
 def decided(subsets: Sequence[str] = ("captured", "common", "present")) -> str:
-    """Returns how many primary rows are decided, and how many are known to their precision."""
+    """Returns how many primary rows each detector decides, and how many both decide."""
     table = _claims_with_enough_replicates()
-    table = table[table.primary & table.subset.isin(subsets) & (table.label_time == "scan")]
-    clear = table.verdict != "undecided"
+    table = table[table.subset.isin(subsets) & (table.label_time == "scan")]
     rows = [
-        [
-            str(preset),
-            *(str(int(n)) for n in (len(part), clear[part.index].sum(), part.known.sum())),
-            str(int((clear[part.index] | part.known).sum())),
-            f"{0.05 * len(part):.1f}",
-        ]
-        for preset, part in table.groupby("preset", sort=False)
+        [str(preset), JUDGES[str(judge)], *_counts(part)]
+        for (preset, judge), part in table[table.primary].groupby(["preset", "judge"], sort=False)
     ]
-    heads = ["preset", "rows", "decided", "known to the precision", "decided or known"]
-    return markdown([*heads, "wrong by chance, expected at most"], rows)
+    rows += [
+        [str(preset), JUDGES[BOTH], *_counts(part[part.verdict != ONE])]
+        for preset, part in table[table.judge == BOTH].groupby("preset", sort=False)
+    ]
+    heads = ["preset", "detector", "rows", "decided", "depends on the detector"]
+    heads += ["known to the precision", "wrong by chance, expected at most"]
+    return markdown(heads, rows)
+
+
+def _counts(rows: pd.DataFrame) -> list[str]:
+    """Returns the cells of rows of one detector, or of both.
+
+    A verdict of both is wrong if one of the two is, so that its bound is twice as high.
+    """
+    both = bool((rows["judge"] == BOTH).all())
+    open_rows = rows.verdict.isin([UNDECIDED, NOT_KNOWN]).sum()
+    depends = (rows.verdict == DEPENDS).sum()
+    known = "" if both else str(int(rows.known.sum()))
+    cells = [len(rows), len(rows) - open_rows - depends, depends if both else ""]
+    return [*map(str, cells), known, f"{FALSE_BY_CHANCE * (1 + both) * len(rows):.1f}"]

@@ -15,6 +15,7 @@ from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import SUBSETS
 from pyinfra.experiments import store
 from reproduction import shared_frames, work_folder
+from reproduction.claims import two_detectors
 from reproduction.commands import experiments, variance, verdicts
 
 AVIA_LESS_WIDE = {1: -5.0, 2: -4.0, 3: -6.0}
@@ -31,6 +32,7 @@ def table(replicates: int = 3, avia: str = "livox_avia") -> pd.DataFrame:
             **{"scene": "highway", "preset": "paper", "lidar": lidar, "replicate": r},
             **{"detector": "generalist", "judge": "fine-tuned", "label_time": "scan"},
             **{"cut_angle_deg": 0, "training_cut_angle_deg": 0, "version": "1", "frames": 107},
+            **{"law_exponent": 0.25},
             **{"seed": 2 * r - 1 + test, "ap_r1000": ap, "ap_r1000_near": ap + 1},
             **{"ap_r1000_far": ap - (4 if lidar == avia else 9), "p_hqda": ap / 2},
         }
@@ -188,6 +190,110 @@ def test_verdicts_leave_out_turned_cut_angles() -> None:
     pd.testing.assert_frame_equal(rows_of(table()), rows_of(pd.concat([table(), turned])))
 
 
+@pytest.mark.parametrize(
+    ("ends", "replicates", "expected"),
+    [
+        ([], 3, "holds"),
+        ([(-9, -1), (-5, -2)], 3, "holds"),
+        ([(-9, -1), (1, 2)], 3, verdicts.CHEAPER),
+        # too few measurements do not make a claim hold
+        ([(-9, -1), (-1, 2)], 5, "undecided"),
+        ([(-9, -1), (-1, 2)], 10, "not known"),
+        ([(math.nan, math.nan)], 3, "undecided"),
+    ],
+)
+def test_value_holds_only_if_each_cheaper_lidar_is_below_the_level(
+    ends: list[tuple[float, float]], replicates: int, expected: str
+) -> None:
+    assert verdicts.of_value(ends, replicates) == expected
+
+
+def test_an_undecided_claim_is_not_known_after_ten_replicates() -> None:
+    (comparable,) = [claim for claim in verdicts.CLAIMS if claim.name == "comparable"]
+    assert [verdicts.verdict(comparable, -2, 4, n) for n in (3, 5, 10)] == [
+        "undecided",
+        "undecided",
+        "not known",
+    ]
+    assert verdicts.verdict(comparable, -2, 2, 10) == "holds"
+
+
+@pytest.mark.parametrize(
+    ("of_two", "expected"),
+    [
+        (["holds", "holds"], "holds"),
+        (["fails below", "fails below"], "fails below"),
+        (["holds", "fails below"], "depends on the detector"),
+        (["fails above", "fails below"], "depends on the detector"),
+        (["holds", "undecided"], "undecided"),
+        (["undecided", "not known"], "undecided"),
+        (["fails above", "not known"], "not known"),
+        (["holds"], "judged by one detector"),
+        (["holds", "too few replicates"], "judged by one detector"),
+        (["fails below", verdicts.CHEAPER], "fails"),
+        (["holds", verdicts.CHEAPER], "depends on the detector"),
+    ],
+)
+def test_two_detectors_decide(of_two: list[str], expected: str) -> None:
+    for verdicts_of_two in (of_two, of_two[::-1]):
+        assert two_detectors.combined(verdicts_of_two) == expected
+
+
+def of_both(data: pd.DataFrame) -> pd.DataFrame:
+    rows = pd.DataFrame(two_detectors.of_both(pd.DataFrame(verdicts.claims(data))))
+    return rows.set_index(["claim", "subset"])
+
+
+def with_network(wide_ap: float = 0.0) -> pd.DataFrame:
+    """Returns rows of the fine-tuned detector and of PointPillars, which has another AP with 128
+    lines."""
+    network = table().assign(judge="from nothing", detector="pointpillars")
+    network.loc[network.lidar == "ruby_plus", "ap_r1000"] += wide_ap
+    return pd.concat([table(), network], ignore_index=True)
+
+
+def test_a_verdict_of_both_needs_both_detectors() -> None:
+    assert set(of_both(table()).verdict) == {"judged by one detector"}
+    same, other = of_both(with_network()), of_both(with_network(wide_ap=-60.0))
+    key = ("comparable", "captured")
+    # -5 with an interval of 4 to either side, and +55
+    assert same.loc[key].verdict == "undecided"
+    assert other.loc[key].verdict == "undecided"
+    assert set(same.replicates) == {3}
+    assert set(same.loc["64-below"].verdict) == {"holds"}
+
+
+def test_other_networks_and_label_times_do_not_decide() -> None:
+    dsvt = table().assign(judge="from nothing", detector="dsvt")
+    assert set(of_both(pd.concat([table(), dsvt])).verdict) == {"judged by one detector"}
+    frame = with_network().assign(label_time="frame")
+    assert not any(row["primary"] for row in verdicts.claims(frame))
+
+
+def test_each_end_of_the_law_of_range_has_its_own_verdict() -> None:
+    steep = with_network().assign(law_exponent=0.5)
+    steep.loc[steep.lidar == "pandar_64", "ap_r1000"] += 30
+    rows = of_both(pd.concat([with_network(), steep], ignore_index=True)).loc["64-below"]
+    by_exponent = dict(zip(rows.law_exponent, rows.verdict, strict=True))
+    assert by_exponent == {0.25: "holds", 0.5: "fails above"}
+
+
+def test_experiments_that_further_replicates_may_decide_are_named() -> None:
+    rows = pd.DataFrame(verdicts.claims(with_network()))
+    first, second = two_detectors.undecided(rows)
+    assert first.startswith("--scenes highway --presets paper --label-times scan --setups")
+    assert "--setups fine-tuned --law-exponents 0.25: 3 replicates, undecided: comparable" in first
+    assert "--setups pointpillars " in second
+
+
+def test_frames_of_another_law_have_their_own_folder_and_key() -> None:
+    usual = experiments.Replicate("highway", "datasheet", "scan", 1)
+    steep = experiments.Replicate("highway", "datasheet", "scan", 1, 0.5)
+    assert usual.name == "highway_datasheet_scan_1"
+    assert not steep.name.startswith(usual.name)  # unused frames are removed by this prefix
+    assert experiments.Trained("background", steep, "ruby_plus").key["law_exponent"] == 0.5
+
+
 def test_value_fails_if_a_cheaper_lidar_reaches_the_level() -> None:
     bundle = table(avia="bundle_5_livox_avia").assign(scene="crossroad")
     # the LiDAR with 64 lines has 81 AP and is cheaper
@@ -232,7 +338,7 @@ def test_missing_replicates_are_named() -> None:
     rows = table()
     lacking = (rows.lidar == "helios_16") & (rows.replicate > 1)
     (text,) = verdicts.missing(rows[~lacking])
-    assert text.endswith(" scan: helios_16 has no replicate 2, 3")
+    assert text.endswith(" scan 0.25: helios_16 has no replicate 2, 3")
 
 
 def test_verdicts_and_variance_read_the_file_of_the_experiments(
@@ -259,8 +365,7 @@ def test_detectors_are_compared_for_each_lidar() -> None:
     of_wide = rows[rows.lidar == "ruby_plus"].set_index("claim")[["value", "verdict"]]
     assert {claim: tuple(row) for claim, row in of_wide.iterrows()} == {
         "similar": (8, "fails above"),
-        "algorithms, pv-rcnn": (2, "holds"),
-        "algorithms, pointpillars": (0, "holds"),
+        "algorithms, dsvt": (6, "holds"),
         "algorithms, pointrcnn": (40, "holds"),
     }
     without = data[(data.detector != "dsvt") | (data.replicate > 1)]

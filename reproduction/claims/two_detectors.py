@@ -1,0 +1,75 @@
+"""Combines the verdicts of the two detectors that are trained for each LiDAR.
+
+docs/verdict_rules.md, "Detectors that decide", has the rule.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import pandas as pd
+
+PRIMARY = (("fine-tuned", "generalist"), ("from nothing", "pointpillars"))  # judge, detector
+BOTH = "both"  # the column `judge` of a combined row
+HOLDS, FAILS_ABOVE, FAILS_BELOW = "holds", "fails above", "fails below"
+UNDECIDED, NOT_KNOWN = "undecided", "not known"
+TOO_FEW = "too few replicates"
+CHEAPER = "fails, as a cheaper LiDAR reaches it"
+DEPENDS = "depends on the detector"
+ONE = "judged by one detector"
+FAILS = "fails"
+DECIDED = (HOLDS, FAILS_ABOVE, FAILS_BELOW, CHEAPER)
+FAR_FROM_LEVEL = {FAILS_BELOW, CHEAPER}  # both say that the claim `value` fails
+CASE = ["claim", "scene", "preset", "label_time", "subset", "law_exponent"]
+
+
+def combined(verdicts: Sequence[str]) -> str:
+    """Returns the verdict of both detectors. verdicts: those of the detectors that were measured.
+
+    If both are decided and differ, the verdict depends on the detector. If one is not decided, the
+    verdict is not decided: `undecided` if further replicates may decide it, else `not known`.
+    """
+    known = [verdict for verdict in verdicts if verdict != TOO_FEW]
+    if len(known) < len(PRIMARY):
+        return ONE
+    if UNDECIDED in known:
+        return UNDECIDED
+    if NOT_KNOWN in known:
+        return NOT_KNOWN
+    if set(known) == FAR_FROM_LEVEL:
+        return FAILS
+    return known[0] if len(set(known)) == 1 else DEPENDS
+
+
+def of_both(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
+    """Yields a row for each case of the primary detectors. rows: claims of single detectors.
+
+    `replicates` is the smaller number of the two detectors.
+    """
+    primary = rows[rows.primary]
+    for key, part in primary.groupby(CASE, sort=False):
+        yield {
+            **dict(zip(CASE, key, strict=True)),
+            "judge": BOTH,
+            "primary": False,
+            "replicates": part.replicates.min(),
+            "verdict": combined(part.verdict.to_list()),
+        }
+
+
+def undecided(rows: pd.DataFrame) -> Iterator[str]:
+    """Yields the words of `experiments` for each case that further replicates may decide.
+
+    rows: claims of single detectors
+    """
+    setups = {PRIMARY[0]: PRIMARY[0][0], PRIMARY[1]: PRIMARY[1][1]}
+    open_rows = rows[rows.primary & (rows.verdict == UNDECIDED)]
+    keys = ["scene", "preset", "label_time", "judge", "detector", "law_exponent"]
+    for key, part in open_rows.groupby(keys, sort=False):
+        scene, preset, label_time, judge, detector, exponent = key
+        yield (
+            f"--scenes {scene} --presets {preset} --label-times {label_time} "
+            f"--setups {setups[judge, detector]} --law-exponents {exponent:g}: "
+            f"{part.replicates.max()} replicates, undecided: "
+            f"{', '.join(dict.fromkeys(part.claim))}"
+        )
