@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from reproduction.claims import scanning
-from reproduction.commands.verdicts import CHEAPER, CLAIMS, Claim
+from reproduction.commands.verdicts import CHEAPER, CLAIMS, UNDECIDED, Claim
 from reproduction.commands.verdicts import verdict as verdict_of
 from reproduction.tables import integration, label_times, rungs, simulator, sites, stress, verdicts
 from reproduction.tables.common import markdown, results, with_interval
@@ -163,6 +163,7 @@ def test_distances_with_too_few_points_are_named(points: tuple[int, ...], text: 
 def experiment_rows() -> pd.DataFrame:
     """Returns PointPillars with one replicate, and the fine-tuned detector at two cut angles."""
     common = {"scene": "highway", "preset": "paper", "subset": "captured", "train_cpu_s": 60.0}
+    common |= {"law_exponent": 0.25}
     rows = []
     for lidar, ap in (("ruby_plus", 95.0), ("livox_avia", 90.0)):
         nothing = {"judge": "from nothing", "detector": "pointpillars", "label_time": "scan"}
@@ -226,6 +227,7 @@ def test_cut_angles_of_training_and_test_make_a_table(monkeypatch: pytest.Monkey
 def label_time_rows() -> pd.DataFrame:
     """Returns five replicates with labels at scan time, and three with labels at mid-frame."""
     common = {"scene": "highway", "preset": "paper", "subset": "captured", "judge": "fine-tuned"}
+    common |= {"law_exponent": 0.25}
     common |= {"training_cut_angle_deg": 0, "cut_angle_deg": 0}
     return pd.DataFrame(
         {**common, "lidar": lidar, "label_time": label_time, "replicate": r, "ap_r1000": ap + r}
@@ -303,7 +305,9 @@ def test_printed_intervals_of_detection_agree_with_their_verdicts(
 ) -> None:
     _, *rows = cells(verdicts.verdicts(claim.name, subset))
     for cell in itertools.chain.from_iterable(row[2:] for row in rows):
-        if cell and not cell.endswith(CHEAPER):
+        # the verdict of `value` depends on other LiDARs too, and that of both has no interval
+        of_others = claim.name == "value" and cell.endswith((CHEAPER, UNDECIDED))
+        if "[" in cell and not of_others:
             assert cell.endswith(verdict_of(claim, *ends_of(cell))), cell
 
 
