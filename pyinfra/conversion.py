@@ -9,11 +9,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from pyinfra.core.errors import Error
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.names import StrPath, check_name, path_of
 from pyinfra.core.public import CALLER, public
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
+from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.loading import load_dataset, one_lidar
+from pyinfra.dataset.object_rows import BOX
+from pyinfra.formats.csv_table import read_words
 
 if TYPE_CHECKING:
     from pyinfra.exchange.recording import Boxes
@@ -108,6 +114,8 @@ def import_recording(
     unit_m: float = 1.0,
     columns: int | None = None,
     channel: str | None = None,
+    labels: StrPath | None = None,
+    label_columns: Mapping[str, str] | None = None,
     strict: bool = False,
     skip_bad: bool = False,
 ) -> RecordedFrames:
@@ -131,6 +139,9 @@ def import_recording(
     unit_m : length unit of the source's coordinates in metres
     columns : number of float32 values per point in a .bin file; by default detected
     channel : name or topic of the LiDAR, if the recording has several
+    labels : folder of the labels, or a .csv file with a column of frames; default: by the format
+    label_columns : maps keys (frame, class, x, y, z or z_bottom, length, width, height, yaw or
+        yaw_deg, id) to the columns of .csv labels; plain names are recognised
     strict : whether objects that cannot be read raise Error; by default they are left out
     skip_bad : whether to leave out frames that cannot be read; by default they raise Error
 
@@ -162,10 +173,13 @@ def import_recording(
     facts = imports.facts_of(
         folder, period_s=period_s, height_m=height_m, tilt_deg=tilt_deg, types=types
     )
-    options = imports.checked(Options(intensity_max, columns, None, channel, unit_m))
+    label_folder = None if labels is None else path_of(labels, "labels")
+    options = Options(
+        intensity_max, columns, label_folder, channel, unit_m, dict(label_columns or {})
+    )
     recording = imports.recording_folder(path_of(source, "source"))
     summary, labelled = imports.import_recording(
-        recording, format, folder, facts, options, strict=strict, skip_bad=skip_bad
+        recording, format, folder, facts, imports.checked(options), strict=strict, skip_bad=skip_bad
     )
     for text in imports.warnings(summary, labelled, height_m):
         warnings.warn(f"{source}: {text}", stacklevel=CALLER)
@@ -222,3 +236,25 @@ def nuscenes_results(file: Path, source: Path) -> dict[int, Boxes]:
 
     found = read_results(file, source)
     return {k: replace(boxes, names=types_of(boxes.names, {})) for k, boxes in found.items()}
+
+
+def csv_detections(file: Path, lidar_folder: Path, columns: Mapping[str, str]) -> pd.DataFrame:
+    """Reads boxes of a .csv file as a table like that of `detect`, in the order of the file."""
+    from pyinfra.exchange.object_types import types_of
+    from pyinfra.formats.box_csv import read_box_csv, rows_of_names
+
+    table, numbers = read_box_csv(file, columns), frame_numbers(lidar_folder, "all")
+    names = {f"{number:06d}": number for number in numbers}
+    if (sources := lidar_folder / "sources.csv").is_file():
+        names |= {row.source: int(row.frame) for row in read_words(sources).itertuples()}
+    out = pd.DataFrame(dict(zip(BOX, table.boxes.T, strict=True)))
+    out["type"] = types_of(table.names, {}).astype(object)
+    out["score"] = 1.0 if table.scores is None else table.scores
+    out["frame"] = -1
+    for name, rows in rows_of_names(file, table, list(names)).items():
+        out.loc[rows, "frame"] = names[name]
+    bad = np.flatnonzero(~out["score"].between(0, 1))
+    if len(bad) > 0:
+        at = f"{file}:{table.lines[int(bad[0])]}: {table.columns['score']}"
+        raise FormatError(f"{at}: expected 0 to 1, got {out['score'][bad[0]]:g}")
+    return out

@@ -9,6 +9,8 @@ from typing import get_args
 
 from pyinfra.cli.messages import warn, with_options
 from pyinfra.cli.number_option import usd
+from pyinfra.core.errors import Error
+from pyinfra.dataset.frames import frame_numbers, lidar_folder
 from pyinfra.exchange.formats import IMPORTS
 from pyinfra.exchange.guess import guess_format
 from pyinfra.exchange.imports import (
@@ -23,6 +25,8 @@ from pyinfra.exchange.imports import (
 from pyinfra.exchange.object_types import parse_types
 from pyinfra.exchange.rates import summary
 from pyinfra.exchange.recording import Options
+from pyinfra.exchange.unread import listed
+from pyinfra.formats.box_csv import NAMES, parse_columns
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -105,7 +109,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="class names of the source and the object types that they map to, such as Lkw=Truck",
     )
     parser.add_argument(
-        "--label-folder", dest="labels", type=Path, help="folder of labels; default: by the format"
+        "--label-folder",
+        dest="labels",
+        type=Path,
+        help="folder of labels, or a .csv file with a column of frames; default: by the format",
+    )
+    parser.add_argument(
+        "--label-columns",
+        nargs="+",
+        default=[],
+        metavar="KEY=COLUMN",
+        help="columns of .csv labels, such as x=cx yaw_deg=angle; plain names are recognised. "
+        f"Keys: {', '.join(NAMES)}",
     )
     parser.add_argument(
         "--intensity-max",
@@ -128,6 +143,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "detected",
     )
     parser.add_argument(
+        "--boxes-of",
+        type=Path,
+        metavar="DATA/LIDAR",
+        help="SOURCE is a .csv file with boxes of a detector for these frames; --out is then a new "
+        "or empty folder for predictions, which `evaluate`, `view` and `track` read",
+    )
+    parser.add_argument(
         "--skip-bad",
         action="store_true",
         help="leave out and count frames that cannot be read; default: such a frame is an error",
@@ -143,10 +165,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _import_boxes(args: argparse.Namespace) -> int:
+    from pyinfra.models.inference.detections import Detections
+
+    if args.out.is_dir() and any(args.out.iterdir()):
+        raise Error(f"out: expected a new or empty folder, got {args.out}")
+    columns = parse_columns(args.label_columns)
+    detections = Detections.from_csv(args.source, lidar_folder(args.boxes_of), columns)
+    numbers = frame_numbers(lidar_folder(args.boxes_of), "all")
+    detections.save(args.out, numbers)
+    print(f"{args.out}: {len(detections)} boxes in {len(numbers)} frames")
+    return 0
+
+
 def run(args: argparse.Namespace) -> int:
+    if args.boxes_of:
+        return _import_boxes(args)
     since = time.perf_counter()
     args.out = output_folder(args.out)
-    options = Options(args.intensity_max, args.columns, args.labels, args.channel, args.unit_m)
+    options = Options(
+        args.intensity_max,
+        args.columns,
+        args.labels,
+        args.channel,
+        args.unit_m,
+        parse_columns(args.label_columns),
+    )
     facts = facts_of(
         args.out,
         scene=args.scene,
@@ -174,6 +218,8 @@ def run(args: argparse.Namespace) -> int:
     )
     for line in imported.assumed:
         print(f"assumed: {with_options(line, args.options)}")
+    if imported.not_read:
+        print(f"not read: {listed(imported.not_read)}")
     for line in warnings(imported, labelled, args.height_m):
         warn(f"{args.source}: {line}", args)
     if any(row.problems for row in imported.health):

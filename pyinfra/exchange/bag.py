@@ -32,6 +32,7 @@ from pyinfra.exchange.recording import NO_BOXES, Options, RecordedFrame, Recordi
 from pyinfra.formats.kitti import WorldPose
 
 SUFFIXES = (".bag", ".mcap", ".db3")
+METADATA = "metadata.yaml"
 BOXES = (ros.MARKERS, ros.DETECTIONS, ros.JSK_BOXES)
 ROOTS = ("world", "map", "site", "earth", "odom")  # frames in which the sensor stands still
 NEAR_S = 0.15  # boxes belong to the latest cloud that is at most this much older
@@ -112,7 +113,19 @@ class Bag:
             tracks_sha256=digest,
             times=lambda: seconds,
             notes=lambda: [*notes, *self._field_notes()],
+            reads=_files(self.source),
+            unread_parts=self._unread_parts,
         )
+
+    def _unread_parts(self) -> list[str]:
+        """Returns texts with the topics and the fields of points that are not read."""
+        read = (self.topic, self.contents.box_topic)
+        topics = [
+            f"{name} ({kind.rpartition('/')[2]}, {count})"
+            for name, (kind, count) in self.contents.topics.items()
+            if name not in read and kind not in ros.TRANSFORMS and count > 0
+        ]
+        return [f"topic {topic}" for topic in topics] + self.fields.unread(self._first)
 
     def records(self, i: int) -> Records:
         """Reads the cloud with an index. Raises FormatError."""
@@ -198,9 +211,15 @@ class Bag:
         return out
 
 
+def _files(source: Path) -> tuple[Path, ...]:
+    """Returns the files of a bag: those with its endings, and the metadata of ROS 2."""
+    names = (METADATA, *(f"*{suffix}" for suffix in SUFFIXES))
+    return (source,) if source.is_file() else tuple(p for n in names for p in source.glob(n))
+
+
 def bag_paths(source: Path) -> list[Path]:
     """Returns what rosbags opens: files, or the folder of a ROS 2 bag with its metadata.yaml."""
-    if source.is_file() or (source / "metadata.yaml").is_file():
+    if source.is_file() or (source / METADATA).is_file():
         return [source]
     files = sorted(p for p in source.iterdir() if p.suffix.lower() in SUFFIXES)
     kinds = {path.suffix.lower() for path in files}

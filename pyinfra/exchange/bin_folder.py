@@ -1,31 +1,42 @@
-"""Reads a folder of float32 .bin clouds without labels. The first columns are x y z intensity."""
+"""Reads float32 .bin clouds. The first columns are x y z intensity."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from pyinfra.exchange.bin_columns import columns_of
+from pyinfra.exchange.label_files import clouds_in, open_labels
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Options,
     RecordedFrame,
     Recording,
     read_bin,
-    sorted_files,
     stem,
 )
 
 
 def read(source: Path, options: Options) -> Recording:
-    """Opens a folder of .bin clouds.
+    """Opens a folder of .bin clouds. Labels are optional.
 
     Raises FileNotFoundError, and Error if there is no cloud. Reading a frame raises FormatError.
     """
-    clouds = sorted_files(source, [".bin"])
+    clouds = clouds_in(source, [".bin"])
+    labels = open_labels(clouds, source, options)
+    clouds = labels.clouds if labels else clouds
     columns, note = columns_of(clouds, options)
+    names = tuple(stem(file) for file in clouds)
+    notes = [*(labels.notes if labels else ()), *([note] if note else [])]
 
     def frame(i: int) -> RecordedFrame:
-        return RecordedFrame(read_bin(clouds[i], columns, options), NO_BOXES)
+        boxes = labels.read(names[i]) if labels else NO_BOXES
+        return RecordedFrame(read_bin(clouds[i], columns, options), boxes)
 
-    names = tuple(stem(file) for file in clouds)
-    return Recording(names, frame, labelled=False, notes=lambda: [note] if note else [])
+    return Recording(
+        names,
+        frame,
+        labelled=labels is not None,
+        tracks_sha256=labels.tracks_sha256 if labels else "",
+        notes=lambda: notes,
+        reads=(*clouds, *(labels.files if labels else ())),
+    )

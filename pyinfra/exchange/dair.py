@@ -60,6 +60,8 @@ def read(source: Path, options: Options) -> Recording:
         times=lambda: _times(side, names),
         notes=contents.notes,
         origin=contents.origin,
+        reads=(*clouds, *([folder] if folder else ()), side / "data_info.json"),
+        unread_parts=contents.unread_parts,
     )
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from hashlib import sha256
@@ -26,8 +25,8 @@ from pyinfra.core.files import write
 from pyinfra.core.version import __version__
 from pyinfra.core.vocabulary import VEHICLE_TYPES
 from pyinfra.dataset.frames import PERIOD_S, lidars_in
-from pyinfra.dataset.health import HEALTH_FILE, FrameHealth, HealthMonitor, write_health
-from pyinfra.exchange.coverage import Coverage
+from pyinfra.dataset.health import HEALTH_FILE, write_health
+from pyinfra.exchange.import_summary import ImportSummary
 from pyinfra.exchange.object_types import types_of
 from pyinfra.exchange.recording import Boxes, RecordedFrame, Recording
 from pyinfra.formats import kitti
@@ -52,38 +51,7 @@ class LidarFacts:
     shape: RoadShape | None = None  # road shape, if the road is not a plane
     types: Mapping[str, str] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()  # texts that describe all assumptions
-
-
-@dataclass
-class ImportSummary:
-    """Counts of an import, collected while the frames are written."""
-
-    frames: int = 0
-    points: int = 0
-    without_return: int = 0  # number of dropped points, which are not finite or 0 0 0
-    without_intensity: int = 0  # number of points whose intensity is not finite; written as 0
-    empty: list[str] = field(default_factory=list)  # names of frames without a return
-    # Names of frames with the same points as another frame.
-    doubled: list[str] = field(default_factory=list)
-    left_out: list[str] = field(default_factory=list)  # objects that could not be read, and why
-    bad: list[str] = field(default_factory=list)  # frames that could not be read, and why
-    assumed: tuple[str, ...] = ()
-    types: Counter[str] = field(default_factory=Counter)
-    tracked: int = 0  # number of labels whose track is known
-    wide: int = 0  # number of labelled vehicles that are wider than long
-    bottoms: list[FloatArray] = field(default_factory=list)  # z of the vehicles' bottoms
-    coverage: Coverage = field(default_factory=Coverage)
-    monitor: HealthMonitor = field(default_factory=HealthMonitor)
-    health: list[FrameHealth] = field(default_factory=list)
-
-    @property
-    def below_m(self) -> float | None:
-        """Median depth of the labelled vehicles' bottoms below the sensor, in metres.
-
-        The depth is None if there is no labelled vehicle.
-        """
-        bottoms = np.concatenate([np.empty(0), *self.bottoms])
-        return -float(np.median(bottoms)) if len(bottoms) else None
+    not_read: tuple[str, ...] = ()  # files and folders of the recording that are not read
 
 
 def write_lidar(
@@ -123,6 +91,7 @@ def write_lidar(
         if strict and frame.boxes.left_out:
             raise FormatError(frame.boxes.left_out[0])
         summary.left_out += frame.boxes.left_out
+        summary.unread_keys |= frame.boxes.unread
         digest = sha256(frame.points.tobytes()).digest()
         if digest in digests and len(frame.points) > 0:
             summary.doubled.append(recording.names[i])
@@ -136,6 +105,10 @@ def write_lidar(
         if summary.points == before:
             summary.empty.append(recording.names[i])
     _write_lists(out, recording, numbers)
+    summary.not_read = recording.unread_parts() if recording.unread_parts else []
+    if summary.unread_keys:
+        summary.not_read.append(f"keys of labels: {', '.join(sorted(summary.unread_keys))}")
+    summary.not_read = [*facts.not_read, *summary.not_read]
     pose = _pose(recording, facts, summary)
     write(out / "lidar.yaml", _lidar_yaml(recording, pose, facts, summary, tilt))
     summary.health = summary.monitor.report()
@@ -333,6 +306,8 @@ def _lidar_yaml(
         content["road_shape"] = asdict(facts.shape)
     if summary.assumed:
         content["assumed"] = list(summary.assumed)
+    if summary.not_read:
+        content["not_read"] = summary.not_read
     return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=1000))
 
 

@@ -10,6 +10,7 @@ from pyinfra.core.files import resolved
 from pyinfra.exchange.dair import SIDES
 from pyinfra.exchange.file_kinds import found_text, kind_of
 from pyinfra.exchange.formats import IMPORTS
+from pyinfra.exchange.label_files import CLOUD_FOLDERS, label_folder
 from pyinfra.exchange.tumtraf import CLOUDS, LABELS
 
 # Formats whose recordings can be single files, and the endings of these files in a folder.
@@ -21,6 +22,7 @@ FILES = {
     "csv": (".csv", ".xyz", ".asc", ".pts"),
     "pcd": (),
 }
+CLOUDS_OF_TOOLS = {name: FILES[name] for name in ("las", "ply", "csv")}
 MOST_LISTED = 8  # folders in a message
 
 
@@ -79,7 +81,7 @@ def formats_of(source: Path) -> Iterator[tuple[str, str]]:
     for suffix in (".npy", ".bin"):
         if has(source / "points", suffix):
             yield "openpcdet", f"points/*{suffix}"
-    if has(source / "lidar", ".pcd"):
+    if has(source / "lidar", ".pcd") and label_folder(source) is None:
         yield "rcooper", "lidar/*.pcd"
     for folder in CLOUDS:
         if has(source / folder, ".pcd") or has(source / folder, "/*.pcd"):
@@ -97,6 +99,12 @@ def formats_of(source: Path) -> Iterator[tuple[str, str]]:
             if has(source, suffix):
                 yield name, f"*{suffix}"
                 break
+    labels = label_folder(source)
+    for folder in CLOUD_FOLDERS if labels else ():  # as labelCloud and SUSTechPOINTS keep them
+        for name, suffixes in {"pcd": (".pcd",), "bin": (".bin",), **CLOUDS_OF_TOOLS}.items():
+            found = next((s for s in suffixes if has(source / folder, s)), None)
+            if labels and found and folder not in ("", "points"):
+                yield name, f"{folder}/*{found} and {labels.name}/"
 
 
 def has(folder: Path, ending: str) -> bool:

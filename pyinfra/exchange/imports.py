@@ -18,7 +18,6 @@ from pyinfra.dataset.height_checks import check_height
 from pyinfra.dataset.regions import REGION_FILE, outline_region
 from pyinfra.exchange.data_set import (
     HEIGHT_OFF_M,
-    ImportSummary,
     LidarFacts,
     write_description,
     write_lidar,
@@ -26,10 +25,12 @@ from pyinfra.exchange.data_set import (
 from pyinfra.exchange.formats import FORMATS, reader
 from pyinfra.exchange.frame_times import timed
 from pyinfra.exchange.guess import guess_format
+from pyinfra.exchange.import_summary import ImportSummary
 from pyinfra.exchange.object_types import with_public_types
 from pyinfra.exchange.pose_estimation import check_region, survey, turned
 from pyinfra.exchange.rates import Shown
 from pyinfra.exchange.recording import Options
+from pyinfra.exchange.unread import has_labels, unread_files
 from pyinfra.formats.kitti.lidar import PERIOD_S
 
 # How points are levelled. `road` estimates the road and levels the points to it, and `as-is` leaves
@@ -87,7 +88,12 @@ def import_recording(
         check_region(region, inside, recording, estimate)
     types = with_public_types(name, given.types)
     notes = recording.notes() if recording.notes is not None else []
-    facts = replace(estimate.facts, types=types, assumed=(*notes, *estimate.assumed, *time_notes))
+    facts = replace(
+        estimate.facts,
+        types=types,
+        assumed=(*notes, *estimate.assumed, *time_notes),
+        not_read=tuple(unread_files(source, recording.reads)),
+    )
     lock = ExitStack()  # is closed after the new folder has its name
     with lock, new_folder(out) as beside:
         shown = Shown(range(len(recording.names)))
@@ -108,6 +114,9 @@ def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = No
             "the frames have no labels: vehicle statistics, evaluation and training of networks "
             "require labels"
         )
+        if has_labels(summary.not_read):
+            found = next(text for text in summary.not_read if has_labels([text]))
+            out.append(f"{found} may be labels, which are not read; `labels` names them")
     elif not set(summary.types) & set(VEHICLE_TYPES):
         names = ", ".join(summary.types) or "none"
         out.append(

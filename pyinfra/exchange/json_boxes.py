@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,8 @@ from pyinfra.formats.kitti.layout import FARTHEST_M
 # Visible share for each `occluded_state`: not, partly and mostly occluded.
 VISIBILITY = {0: 0.9, 1: 0.6, 2: 0.2}
 BOX_KEYS = (("3d_location", "xyz"), ("3d_dimensions", "lwh"))
+# Keys of an object that are read.
+KNOWN = {"type", "3d_dimensions", "3d_location", "rotation", "occluded_state", "track_id"}
 NO_TRACK = ("None", "", "-1")  # values of track_id that mean an unknown track
 LEAST_M, MOST_M = 0.001, 1000.0
 
@@ -52,40 +55,63 @@ def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
     objects = read_json(file)
     if not isinstance(objects, list) or not all(isinstance(entry, dict) for entry in objects):
         raise FormatError(f"{file}: expected a list of objects, got something else")
+    found = boxes_of(file, objects, _box, ("type", "track_id"), ids)
+    visibility = [VISIBILITY.get(_state(objects[i]), 1.0) for i in found.kept]
+    return replace(
+        found.boxes,
+        visibility=np.array(visibility, dtype=np.float64),
+        unread=frozenset().union(*objects) - KNOWN,
+    )
+
+
+@dataclass(frozen=True)
+class FoundBoxes:
+    """The boxes of a file, and the positions in the file of the objects with a valid box."""
+
+    boxes: Boxes
+    kept: list[int]
+
+
+def boxes_of(
+    file: Path,
+    objects: Sequence[Mapping[str, Any]],
+    box_of: Callable[[str, Mapping[str, Any]], FloatArray],
+    keys: tuple[str, str],
+    ids: dict[str, int] | None,
+) -> FoundBoxes:
+    """Reads the objects of a file. `box_of` gets where an object is, and the object.
+
+    `keys` are those of the class and of the track. `ids` is that of `read_objects`. Raises
+    UnitError; objects with another FormatError are left out.
+    """
     rows, kept, left_out = [], [], []
     for i, entry in enumerate(objects):
         try:
-            rows.append(_box(file, i, entry))
+            rows.append(box_of(f"{file}: object {i}", entry))
             kept.append(i)
         except UnitError:
             raise
         except FormatError as error:
             left_out.append(str(error))
-    objects = [objects[i] for i in kept]
-    names = [str(entry.get("type", "unknown")) or "unknown" for entry in objects]
-    visibility = [VISIBILITY.get(_state(entry), 1.0) for entry in objects]
+    chosen = [objects[i] for i in kept]
+    names = [str(entry.get(keys[0], "unknown")) or "unknown" for entry in chosen]
     tracks = None
     if ids is not None:
-        words = [str(entry.get("track_id")) for entry in objects]
+        words = [str(entry.get(keys[1])) for entry in chosen]
         single = [word not in NO_TRACK and words.count(word) == 1 for word in words]
-        keys = [w if s else f"{file}:{i}" for w, s, i in zip(words, single, kept, strict=True)]
-        tracks = np.array([ids.setdefault(key, len(ids)) for key in keys], dtype=np.int64)
-    boxes = np.array(rows, dtype=np.float64).reshape(-1, 7)
-    return Boxes(
-        np.array(names, dtype=np.str_),
-        boxes,
-        tracks,
-        np.array(visibility, dtype=np.float64),
-        tuple(left_out),
-    )
+        named = [w if s else f"{file}:{i}" for w, s, i in zip(words, single, kept, strict=True)]
+        tracks = np.array([ids.setdefault(key, len(ids)) for key in named], dtype=np.int64)
+    values = np.array(rows, dtype=np.float64).reshape(-1, 7)
+    boxes = Boxes(np.array(names, dtype=np.str_), values, tracks, left_out=tuple(left_out))
+    return FoundBoxes(boxes, kept)
 
 
-def track_digest(files: Sequence[Path]) -> str:
-    """Returns a digest of label files whose objects have a `track_id`; empty if none has one."""
+def track_digest(files: Sequence[Path], key: str = "track_id") -> str:
+    """Returns a digest of label files whose objects have a track; empty if none has one."""
     digest, tracked = sha256(), False
     for file in files:
         content = file.read_bytes()
-        tracked = tracked or b'"track_id"' in content
+        tracked = tracked or f'"{key}"'.encode() in content
         digest.update(content)
     return digest.hexdigest()[:16] if tracked else ""
 
@@ -102,15 +128,18 @@ def checked_box(location: str, values: FloatArray) -> FloatArray:
     return values
 
 
-def _box(file: Path, i: int, entry: Mapping[str, Any]) -> FloatArray:
-    numbers = []
-    for key, letters in BOX_KEYS:
-        group = _key(file, i, entry, key)
-        for letter in letters:
-            inside = group if isinstance(group, dict) else {}
-            numbers.append(number(f"{file}: object {i}: {key}.{letter}", inside.get(letter)))
-    numbers.append(number(f"{file}: object {i}: rotation", entry.get("rotation")))
-    return checked_box(f"{file}: object {i}", np.array(numbers))
+def _box(location: str, entry: Mapping[str, Any]) -> FloatArray:
+    numbers = [value for key, letters in BOX_KEYS for value in group(location, entry, key, letters)]
+    numbers.append(number(f"{location}: rotation", entry.get("rotation")))
+    return checked_box(location, np.array(numbers))
+
+
+def group(location: str, entry: Mapping[str, Any], key: str, parts: Sequence[str]) -> list[float]:
+    """Returns the numbers of a key such as `3d_location`, in the order of `parts`."""
+    if key not in entry:
+        raise FormatError(f"{location}: expected a '{key}', got none")
+    inside = entry[key] if isinstance(entry[key], dict) else {}
+    return [number(f"{location}: {key}.{part}", inside.get(part)) for part in parts]
 
 
 def number(location: str, raw: object) -> float:
@@ -122,12 +151,6 @@ def number(location: str, raw: object) -> float:
     if not math.isfinite(value):
         raise FormatError(f"{location}: expected a finite number, got {str(raw)[:40]!r}")
     return value
-
-
-def _key(file: Path, i: int, entry: Mapping[str, Any], key: str) -> Any:
-    if key not in entry:
-        raise FormatError(f"{file}: object {i}: expected a '{key}', got none")
-    return entry[key]
 
 
 def _state(entry: Mapping[str, Any]) -> int:

@@ -68,7 +68,9 @@ def read(source: Path, options: Options) -> Recording:
     bare = [name for name in names if not (training / f"calib/{name}.txt").is_file()]
     if folder is not None and bare:
         notes.append(_without_calib(len(bare), len(names)))
-    return Recording(names, frame, folder is not None, splits, notes=lambda: notes)
+    beside = [training / name for name in ("calib", "objects", "fields")]
+    reads = (*clouds, *([folder] if folder else ()), *beside, source / "ImageSets")
+    return Recording(names, frame, folder is not None, splits, notes=lambda: notes, reads=reads)
 
 
 def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) -> Recording:
@@ -106,7 +108,14 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
 
     labelled = file.is_file()
     digest = sha256(file.read_bytes()).hexdigest()[:16] if labelled else ""
-    return Recording(names, frame, labelled, tracks_sha256=digest, notes=lambda: notes)
+    return Recording(
+        names,
+        frame,
+        labelled,
+        tracks_sha256=digest,
+        notes=lambda: notes,
+        reads=(*clouds, file, calib),
+    )
 
 
 def _without_calib(count: int, frames: int) -> str:

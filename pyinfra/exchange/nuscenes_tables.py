@@ -78,6 +78,7 @@ def read(source: Path, options: Options) -> Recording:
         splits=_splits(tables, rows, names),
         times=lambda: times,
         notes=lambda: _motion(poses),
+        reads=(tables.folder, source / "maps", *(source / file for file in files)),
     )
 
 

@@ -18,7 +18,8 @@ from pyinfra.core.arrays import Points
 from pyinfra.core.errors import FormatError
 from pyinfra.core.files import write
 from pyinfra.exchange.bin_columns import columns_of
-from pyinfra.exchange.box_text import read_boxes, write_boxes
+from pyinfra.exchange.box_text import write_boxes
+from pyinfra.exchange.label_files import open_labels
 from pyinfra.exchange.openpcdet_configs import write_configs
 from pyinfra.exchange.recording import (
     NO_BOXES,
@@ -27,13 +28,13 @@ from pyinfra.exchange.recording import (
     RecordedFrame,
     Recording,
     as_points,
-    label_files,
     read_bin,
     read_splits,
     sorted_files,
     stem,
 )
 from pyinfra.exchange.road_level import (
+    SENSOR_FILE,
     read_labels,
     read_sensor_height,
     road_frames,
@@ -76,7 +77,8 @@ def read(source: Path, options: Options) -> Recording:
     frame raises FormatError.
     """
     clouds = sorted_files(source / "points", [".npy", ".bin"])
-    folder = label_files(clouds, source / "labels", options)
+    labels = open_labels(clouds, source, options)
+    clouds = labels.clouds if labels else clouds
     height = read_sensor_height(source)
     names = tuple(stem(file) for file in clouds)
     bins = [file for file in clouds if file.suffix.lower() == ".bin"]
@@ -84,12 +86,23 @@ def read(source: Path, options: Options) -> Recording:
 
     def frame(i: int) -> RecordedFrame:
         points = _read_cloud(clouds[i], columns, options)
-        boxes = read_boxes(folder / f"{names[i]}.txt") if folder else NO_BOXES
+        boxes = labels.read(names[i]) if labels else NO_BOXES
         return RecordedFrame(_lowered(points, height), _lowered_boxes(boxes, height))
 
     splits, notes = read_splits(source / "ImageSets", names)
-    notes += [note] if note else []
-    return Recording(names, frame, folder is not None, splits, notes=lambda: notes)
+    notes += [*(labels.notes if labels else ()), *([note] if note else [])]
+    return Recording(
+        names,
+        frame,
+        labels is not None,
+        splits,
+        tracks_sha256=labels.tracks_sha256 if labels else "",
+        notes=lambda: notes,
+        reads=(
+            *(*clouds, *(labels.files if labels else ())),
+            *(source / name for name in ("ImageSets", SENSOR_FILE, "cfgs")),
+        ),
+    )
 
 
 def _lowered(points: Points, height: float) -> Points:

@@ -13,9 +13,10 @@ import numpy as np
 from pyinfra.core.arrays import AnyArray, FloatArray, Points, Records, unchecked
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset.frame_readers import read_cameras
-from pyinfra.exchange.box_text import read_boxes, write_boxes
+from pyinfra.exchange.box_text import write_boxes
 from pyinfra.exchange.frame_times import seconds_of_stamp
 from pyinfra.exchange.known_objects import known_objects
+from pyinfra.exchange.label_files import clouds_in, open_labels
 from pyinfra.exchange.point_fields import (
     INTENSITIES,
     TIMES,
@@ -32,9 +33,7 @@ from pyinfra.exchange.recording import (
     RecordedFrame,
     Recording,
     as_points,
-    label_files,
     read_splits,
-    sorted_files,
     stem,
 )
 from pyinfra.formats import kitti
@@ -79,31 +78,32 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 
 
 def read(source: Path, options: Options) -> Recording:
-    """Opens a folder of clouds, or a folder with clouds in points/. Boxes in labels/ are optional.
+    """Opens a cloud, or a folder with clouds, also in points/ or lidar/. Labels are optional.
 
     Raises FileNotFoundError, and Error for labels that do not pair with clouds. Reading a frame
     raises FormatError.
     """
-    inside = source / "points"
-    clouds_in = inside if inside.is_dir() else source
-    clouds = [source] if source.is_file() else sorted_files(clouds_in, [".pcd"])
-    folder = label_files(clouds, source / "labels", options)
+    clouds = clouds_in(source, [".pcd"])
+    labels = open_labels(clouds, source, options)
+    clouds = labels.clouds if labels else clouds
     names = tuple(stem(file) for file in clouds)
-    contents = Clouds(clouds, options, labelled=folder is not None)
+    contents = Clouds(clouds, options, labelled=labels is not None)
 
     def frame(i: int) -> RecordedFrame:
-        boxes = read_boxes(folder / f"{names[i]}.txt") if folder else NO_BOXES
-        return contents.frame(i, boxes)
+        return contents.frame(i, labels.read(names[i]) if labels else NO_BOXES)
 
     splits, notes = read_splits(source / "ImageSets", names)
     return Recording(
         names,
         frame,
-        folder is not None,
+        labels is not None,
         splits,
+        tracks_sha256=labels.tracks_sha256 if labels else "",
         times=lambda: stamps(clouds),
-        notes=lambda: notes + contents.notes(),
+        notes=lambda: [*notes, *(labels.notes if labels else ()), *contents.notes()],
         origin=contents.origin,
+        reads=(*clouds, *(labels.files if labels else ()), source / "ImageSets"),
+        unread_parts=contents.unread_parts,
     )
 
 
@@ -130,6 +130,10 @@ class Clouds:
     @cached_property
     def offset(self) -> FloatArray:
         return map_offset(self._first)
+
+    def unread_parts(self) -> list[str]:
+        """Returns a text with the fields of the first clouds that are not read."""
+        return self.fields.unread(self._first)
 
     @cached_property
     def _all(self) -> list[Header]:

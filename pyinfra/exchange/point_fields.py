@@ -87,6 +87,17 @@ class PointFields:
                 f"points have a {has} (`{field}`), but no {lacks} is known: {has} is not used"
             )
 
+    def unread(self, samples: Iterable[Records]) -> list[str]:
+        """Returns a text with the fields of clouds that are not read, or nothing."""
+        read = {self.ring, self.times.field if self.times else None}
+        names: dict[str, None] = {}
+        for records in samples:
+            own = named_fields(records.dtype, [*"xyz", *OWN, *(a for n in OWN.values() for a in n)])
+            used = {*own, intensity_field(records), *read}
+            names |= dict.fromkeys(n for n in records.dtype.names or () if n not in used)
+        kept = [name for name in names if not name.startswith("_")]
+        return [f"fields of points: {', '.join(kept)}"] if kept else []
+
     @unchecked
     def read(self, location: str, records: Records) -> Records | None:
         """Returns records (n,) of kitti.FIELDS, or None if time or ring is unknown.

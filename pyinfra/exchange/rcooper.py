@@ -67,6 +67,8 @@ def read(source: Path, options: Options) -> Recording:
         tracks_sha256=tracks,
         notes=contents.notes,
         origin=contents.origin,
+        reads=(*clouds, *([folder] if folder else ())),
+        unread_parts=contents.unread_parts,
     )
 
 

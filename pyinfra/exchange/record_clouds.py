@@ -11,6 +11,7 @@ import numpy as np
 from pyinfra.core.arrays import AnyArray, FloatArray, Points, Records, unchecked
 from pyinfra.core.errors import FormatError
 from pyinfra.exchange.frame_times import seconds_of_stamp
+from pyinfra.exchange.label_files import clouds_in, open_labels
 from pyinfra.exchange.pcd import FIRST, readable
 from pyinfra.exchange.point_fields import (
     TIMES,
@@ -22,11 +23,11 @@ from pyinfra.exchange.point_fields import (
 )
 from pyinfra.exchange.recording import (
     NO_BOXES,
+    Boxes,
     Options,
     RecordedFrame,
     Recording,
     as_points,
-    sorted_files,
     stem,
 )
 
@@ -51,11 +52,15 @@ class RecordClouds:
     def offset(self) -> FloatArray:
         return map_offset(self._first)
 
-    def frame(self, i: int) -> RecordedFrame:
+    def frame(self, i: int, boxes: Boxes = NO_BOXES) -> RecordedFrame:
         """Reads a cloud by its index. Raises FormatError."""
         file, records = self.files[i], self.read(self.files[i])
         points = points_of(str(file), records, self.options, self.offset)
-        return RecordedFrame(points, NO_BOXES, self.fields.read(str(file), records))
+        return RecordedFrame(points, boxes, self.fields.read(str(file), records))
+
+    def unread_parts(self) -> list[str]:
+        """Returns a text with the fields of the first clouds that are not read."""
+        return self.fields.unread(self._first)
 
     def times(self) -> FloatArray | None:
         """Returns the first absolute time of each cloud, or None if the first ones have none."""
@@ -74,15 +79,26 @@ class RecordClouds:
 def read_clouds(
     source: Path, suffixes: Sequence[str], read: ReadRecords, options: Options
 ) -> Recording:
-    """Opens a file, or a folder of files with one of the suffixes.
+    """Opens a file, or a folder of files with one of the suffixes. Labels are optional.
 
     Raises FileNotFoundError, and Error if there is no such file. Reading a frame raises
     FormatError.
     """
-    files = sorted_files(source, suffixes) if source.is_dir() else [source]
+    files = clouds_in(source, suffixes)
+    labels = open_labels(files, source, options)
+    files = labels.clouds if labels else files
     clouds = RecordClouds(files, read, options)
     names = tuple(stem(file) for file in files)
-    return Recording(names, clouds.frame, labelled=False, times=clouds.times, notes=clouds.notes)
+    return Recording(
+        names,
+        lambda i: clouds.frame(i, labels.read(names[i]) if labels else NO_BOXES),
+        labelled=labels is not None,
+        tracks_sha256=labels.tracks_sha256 if labels else "",
+        times=clouds.times,
+        notes=lambda: [*(labels.notes if labels else ()), *clouds.notes()],
+        reads=(*files, *(labels.files if labels else ())),
+        unread_parts=clouds.unread_parts,
+    )
 
 
 @unchecked

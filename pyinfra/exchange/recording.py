@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
 from pathlib import Path
@@ -24,9 +24,11 @@ class Options:
 
     intensity_max: float | None = None  # largest intensity of the source, which is scaled to 1
     columns: int | None = None  # number of float32 values per point in a .bin file
-    labels: Path | None = None  # folder of the labels, if it is not the format's usual folder
+    labels: Path | None = None  # folder of the labels, if it is not the usual one, or a .csv file
     channel: str | None = None  # name of the LiDAR, if the recording has several
     unit_m: float = 1.0  # length unit of the source's coordinates, metres
+    # Columns of a .csv file with labels, by the keys of `formats.box_csv`.
+    label_columns: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,7 @@ class Boxes:
     ids: IntArray | None = None  # (k,) ids of tracks; None if they are unknown
     visibility: FloatArray | None = None  # (k,) visible share in [0, 1]; None if it is unknown
     left_out: tuple[str, ...] = ()  # texts about objects of the frame that could not be read
+    unread: frozenset[str] = frozenset()  # keys of the objects that are not read
 
     def __len__(self) -> int:
         return len(self.names)
@@ -73,6 +76,8 @@ class Recording:
     notes: Callable[[], list[str]] | None = None  # texts about assumptions of the reader
     origin: Callable[[], FloatArray | None] | None = None  # sensor position in the points' frame
     slots: tuple[int, ...] | None = None  # frame numbers; if None, numbers() derives them
+    reads: tuple[Path, ...] = ()  # files and folders of the source that are read; empty: not known
+    unread_parts: Callable[[], list[str]] | None = None  # texts about other parts not read
 
     @property
     def counted(self) -> bool:

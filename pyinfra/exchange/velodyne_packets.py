@@ -61,6 +61,7 @@ def read(source: Path, options: Options) -> Recording:
         labelled=False,
         times=lambda: np.array(stamps),
         notes=lambda: fields.notes,
+        reads=(files[0],),
     )
 
 

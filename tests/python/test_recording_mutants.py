@@ -9,12 +9,15 @@ import pytest
 from recording_files import road, write_bag, write_packets
 from test_beam_tables import HESAI, ouster, velodyne, veloview
 from test_cloud_files import write_csv, write_las, write_ply
+from test_label_files import FRAMES, PLAIN, label_cloud, label_cloud_corners, one_csv, sustech
 
 from pyinfra.core.errors import Error
 from pyinfra.exchange.beam_tables import read_beam_table
 from pyinfra.exchange.formats import reader
 from pyinfra.exchange.guess import guess_format
 from pyinfra.exchange.recording import Options
+from pyinfra.exchange.tool_labels import has_degrees, read_label_cloud, read_sustech
+from pyinfra.formats.box_csv import read_box_csv
 
 FEW, MANY = 12, 2000
 SLOWEST_S = 20.0
@@ -43,6 +46,14 @@ def text(name: str, content: str) -> Make:
     return cloud(name, lambda file: file.write_text(content) and None)
 
 
+def labels(write: Callable[[Path], object], name: str) -> Make:
+    def make(folder: Path) -> Path:
+        write(folder / "source")
+        return folder / "source" / name
+
+    return make
+
+
 SEEDS: dict[str, Make] = {
     **{storage: bag(storage) for storage in ("bag", "mcap", "db3")},
     "las": cloud("a.las", lambda f: write_las(f, road(0, 60))),
@@ -55,8 +66,18 @@ SEEDS: dict[str, Make] = {
     "velodyne": text("a.yaml", velodyne()),
     "veloview": text("a.xml", veloview()),
     "hesai": text("a.csv", HESAI),
+    "labelCloud": labels(label_cloud(degrees=True), "labels/000004.json"),
+    "corners": labels(label_cloud_corners, "labels/000004.json"),
+    "SUSTechPOINTS": labels(sustech, "label/000004.json"),
+    "boxes": labels(one_csv(PLAIN, FRAMES, {}), "boxes.csv"),
 }
-TABLES = ("ouster", "velodyne", "veloview", "hesai")
+READERS: dict[str, Callable[[Path], object]] = {
+    **dict.fromkeys(("ouster", "velodyne", "veloview", "hesai"), read_beam_table),
+    "labelCloud": lambda file: read_label_cloud(file, degrees=has_degrees([file])),
+    "corners": lambda file: read_label_cloud(file, degrees=False),
+    "SUSTechPOINTS": lambda file: read_sustech(file, {}),
+    "boxes": read_box_csv,
+}
 
 
 def damaged(data: bytes, random_: random.Random) -> bytes:
@@ -80,10 +101,7 @@ def damaged(data: bytes, random_: random.Random) -> bytes:
     return bytes(out)
 
 
-def read_all(file: Path, *, is_table: bool) -> None:
-    if is_table:
-        read_beam_table(file)
-        return
+def read_all(file: Path) -> None:
     format, _ = guess_format(file)
     recording = reader(format)(file, Options())
     if recording.notes is not None:
@@ -103,7 +121,7 @@ def check(name: str, folder: Path, count: int) -> None:
         message = "read"
         since = time.perf_counter()
         try:
-            read_all(mutant, is_table=name in TABLES)
+            READERS.get(name, read_all)(mutant)
         except (Error, OSError) as error:
             message = str(error)
         except BaseException as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +71,23 @@ class Detections(pd.DataFrame):  # type: ignore[misc]  # pandas has no types
             for number, one in zip(numbers, boxes.values(), strict=True)
         ]
         return cls(pd.concat(parts, ignore_index=True)[COLUMNS])
+
+    @classmethod
+    def from_csv(
+        cls, file: StrPath, lidar_folder: StrPath, columns: Mapping[str, str] | None = None
+    ) -> Detections:
+        """Reads boxes of a .csv file with a row for each box and columns of any names.
+
+        lidar_folder: LiDAR's folder of the frames. The column `frame` has their numbers, or the
+        names of the clouds from which they were imported. columns: maps keys (frame, class, x, y,
+        z or z_bottom, length, width, height, yaw or yaw_deg, score) to columns; plain names are
+        recognised. Boxes are in the levelled LiDAR frame. Without a column `score`, the score is 1.
+        Raises FormatError with file, line and column.
+        """
+        from pyinfra.conversion import csv_detections
+
+        folder = path_of(lidar_folder, "lidar_folder")
+        return cls(csv_detections(path_of(file, "file"), folder, columns or {})[COLUMNS])
 
     @classmethod
     def from_kitti(cls, folder: StrPath, lidar_folder: StrPath | None = None) -> Detections:

@@ -1,0 +1,214 @@
+"""Finds the labels of a folder of clouds, and reads them: text, CSV, or JSON of several tools."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.core.arrays import IntArray
+from pyinfra.core.errors import Error, FormatError
+from pyinfra.exchange.box_text import read_boxes
+from pyinfra.exchange.cuboids import read_cuboids
+from pyinfra.exchange.json_boxes import read_json, read_objects, track_digest
+from pyinfra.exchange.recording import (
+    NO_BOXES,
+    Boxes,
+    Options,
+    check_pairs,
+    sorted_files,
+    stem,
+)
+from pyinfra.exchange.tool_labels import has_degrees, read_label_cloud, read_sustech
+from pyinfra.formats.box_csv import BoxTable, read_box_csv, rows_of_names
+
+FOLDERS = ("labels", "label")  # usual folders of labels in a recording
+CLOUD_FOLDERS = ("points", "", "lidar", "pcd", "pointclouds")  # usual folders of clouds
+SUFFIXES = (".txt", ".json", ".csv")
+NO_TRACK = ("", "-1", "nan", "None")
+
+
+@dataclass(frozen=True, eq=False)
+class LabelFiles:
+    """The labels of the clouds of a recording."""
+
+    clouds: list[Path]  # the clouds that have labels, or all
+    read: Callable[[str], Boxes]  # maps the name of a cloud to its boxes; raises FormatError
+    files: tuple[Path, ...]
+    notes: tuple[str, ...] = ()
+    tracks_sha256: str = ""
+
+
+def clouds_in(source: Path, suffixes: Sequence[str]) -> list[Path]:
+    """Returns the clouds of a recording: a file, or those in the first folder of CLOUD_FOLDERS.
+
+    Raises FileNotFoundError, and Error if no folder has such a file.
+    """
+    if source.is_file():
+        return [source]
+    folders = [source / name for name in CLOUD_FOLDERS]
+    return sorted_files(next((f for f in folders if _has(f, suffixes)), source), suffixes)
+
+
+def _has(folder: Path, suffixes: Sequence[str]) -> bool:
+    return folder.is_dir() and any(
+        path.name.lower().endswith(tuple(suffixes)) and not path.name.startswith(".")
+        for path in folder.iterdir()
+    )
+
+
+def label_folder(source: Path) -> Path | None:
+    """Returns the usual folder of labels in a recording, if it has files of a known kind."""
+    folders = (source / name for name in FOLDERS)
+    return next((f for f in folders if f.is_dir() and _suffixes(f)), None)
+
+
+def open_labels(clouds: list[Path], source: Path, options: Options) -> LabelFiles | None:
+    """Opens the labels of clouds: `options.labels`, else those of the usual folder of `source`.
+
+    Labels are .txt or .csv files for each cloud, one .csv file with a column of frames, or .json
+    files of labelCloud, SUSTechPOINTS, OpenLABEL or DAIR-V2X. Returns None without labels. Raises
+    Error for labels that do not pair with clouds, and FormatError for an unknown kind.
+    """
+    place = options.labels or label_folder(source)
+    if place is None:
+        return None
+    if place.is_file():
+        return _of_one_csv(clouds, place, options)
+    suffixes = _suffixes(place) or SUFFIXES[:1]
+    if len(suffixes) > 1:
+        raise Error(f"{place}: expected one kind of label files, got {', '.join(suffixes)}")
+    files = [f for f in sorted_files(place, suffixes) if not f.name.startswith("_")]
+    if suffixes[0] == ".txt":
+        check_pairs(clouds, files)
+        by_name = {stem(file): file for file in files}
+        return LabelFiles(clouds, lambda name: read_boxes(by_name[name]), tuple(files))
+    if suffixes[0] == ".csv":
+        return _of_csv_files(clouds, files, options)
+    return _of_json(clouds, files)
+
+
+def _suffixes(folder: Path) -> list[str]:
+    names = [p.name.lower() for p in folder.iterdir() if not p.name.startswith((".", "_"))]
+    return [s for s in SUFFIXES if any(name.endswith(s) for name in names)]
+
+
+def _with_labels(clouds: list[Path], files: Sequence[Path]) -> tuple[list[Path], list[str]]:
+    """Returns the clouds that have a label file, and a note on the others.
+
+    Labelling tools write a file only for the frames that were labelled.
+    """
+    labelled = {stem(file) for file in files}
+    kept = [cloud for cloud in clouds if stem(cloud) in labelled]
+    check_pairs(kept, files)
+    if len(kept) == len(clouds):
+        return kept, []
+    first = next(cloud.name for cloud in clouds if stem(cloud) not in labelled)
+    text = f"{len(clouds) - len(kept)} of {len(clouds)} clouds, such as {first}, have no label file"
+    return kept, [f"{text}: they are left out"]
+
+
+def _of_json(clouds: list[Path], files: list[Path]) -> LabelFiles:
+    kind = _kind(files)
+    kept, notes = _with_labels(clouds, files)
+    by_name = {stem(file): file for file in files}
+    ids: dict[str, int] = {}
+    if kind == "labelCloud":
+        degrees = has_degrees(files)
+        unit = "degrees, because a value is" if degrees else "radians, because no value is"
+        notes.append(f"rotations of labelCloud are in {unit} above 2 pi")
+        return LabelFiles(
+            kept,
+            lambda name: read_label_cloud(by_name[name], degrees=degrees),
+            tuple(files),
+            tuple(notes),
+        )
+    key = {"SUSTechPOINTS": "obj_id", "DAIR-V2X": "track_id"}.get(kind, "openlabel")
+    digest = track_digest(files, key)
+
+    def read(name: str) -> Boxes:
+        if kind == "SUSTechPOINTS":
+            return read_sustech(by_name[name], ids)
+        if kind == "OpenLABEL":
+            return read_cuboids(by_name[name], ids)
+        return read_objects(by_name[name], ids if digest else None)
+
+    return LabelFiles(kept, read, tuple(files), tuple(notes), digest)
+
+
+def _kind(files: Sequence[Path]) -> str:
+    """Returns the tool that wrote JSON files, from the first one with an object."""
+    for file in files:
+        content = read_json(file)
+        if isinstance(content, dict) and "openlabel" in content:
+            return "OpenLABEL"
+        objects = content.get("objects") if isinstance(content, dict) else content
+        first = objects[0] if isinstance(objects, list) and objects else None
+        if first is None and isinstance(objects, list):
+            continue
+        keys = set(first) if isinstance(first, dict) else set[str]()
+        if "psr" in keys:
+            return "SUSTechPOINTS"
+        if isinstance(content, dict) and keys & {"centroid", "vertices"}:
+            return "labelCloud"
+        if "3d_location" in keys:
+            return "DAIR-V2X"
+        got = ", ".join(sorted(keys or content if isinstance(content, dict) else keys)[:8])
+        raise FormatError(
+            f"{file}: expected labels of labelCloud, SUSTechPOINTS, OpenLABEL or DAIR-V2X, got "
+            f"{'the keys ' + got if got else 'other content'}; a .csv file with a row for each box "
+            "is read too"
+        )
+    return "SUSTechPOINTS"
+
+
+def _of_csv_files(clouds: list[Path], files: list[Path], options: Options) -> LabelFiles:
+    kept, notes = _with_labels(clouds, files)
+    by_name = {stem(file): file for file in files}
+    ids: dict[str, int] = {}
+
+    def read(name: str) -> Boxes:
+        table = read_box_csv(by_name[name], options.label_columns)
+        return _boxes(table, np.arange(len(table.boxes)), ids)
+
+    return LabelFiles(kept, read, tuple(files), tuple(notes), _digest(files, options))
+
+
+def _of_one_csv(clouds: list[Path], file: Path, options: Options) -> LabelFiles:
+    table = read_box_csv(file, options.label_columns)
+    rows = rows_of_names(file, table, [stem(cloud) for cloud in clouds])
+    ids: dict[str, int] = {}
+    texts = [f"{key} from {name}" for key, name in table.columns.items() if key != name]
+    notes = [f"columns of {file.name}: {', '.join(texts)}"] if texts else []
+    bare = len(clouds) - len(rows)
+    if bare:
+        notes.append(f"{bare} of {len(clouds)} clouds have no row in {file.name}: no objects")
+
+    def read(name: str) -> Boxes:
+        return _boxes(table, rows[name], ids) if name in rows else NO_BOXES
+
+    return LabelFiles(clouds, read, (file,), tuple(notes), _digest([file], options))
+
+
+def _boxes(table: BoxTable, rows: IntArray, ids: dict[str, int]) -> Boxes:
+    tracks = None
+    if table.tracks is not None:
+        words = [table.tracks[i] for i in rows]
+        tracks = np.array(
+            [-1 if word in NO_TRACK else ids.setdefault(word, len(ids)) for word in words],
+            dtype=np.int64,
+        )
+    return Boxes(table.names[rows], table.boxes[rows], tracks, unread=frozenset(table.unread))
+
+
+def _digest(files: Sequence[Path], options: Options) -> str:
+    """Returns a digest of .csv files with a column of tracks; empty without this column."""
+    if not files or read_box_csv(files[0], options.label_columns).tracks is None:
+        return ""
+    digest = sha256()
+    for file in files:
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,104 @@
+"""Reads the JSON files of the labelling tools labelCloud and SUSTechPOINTS.
+
+Follows the source of labelCloud (`labelCloud/io/labels/centroid.py` and `vertices.py`) and
+`doc/data-format.md` of SUSTechPOINTS. Positions are box centres in the frame of the cloud.
+
+- labelCloud: `objects` with `name`, and `centroid` (x y z), `dimensions` (length width height) and
+  `rotations` (x y z), or with the eight corners `vertices`. `rotations` are radians in the format
+  `centroid_rel`, and degrees in `centroid_abs`; the file does not state which.
+- SUSTechPOINTS: a list of objects with `obj_type`, `obj_id` and `psr`: `position`, `scale`,
+  `rotation` (Euler angles XYZ, radians).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import FormatError
+from pyinfra.exchange.json_boxes import boxes_of, checked_box, group, number, read_json
+from pyinfra.exchange.recording import Boxes
+from pyinfra.formats.text_table import MOST_RADIANS
+
+SUSTECH_KEYS = {"obj_type", "obj_id", "psr"}
+CLOUD_KEYS = {"name", "centroid", "dimensions", "rotations", "vertices"}
+SIZES = ("length", "width", "height")
+
+
+def read_sustech(file: Path, ids: dict[str, int]) -> Boxes:
+    """Reads a file of SUSTechPOINTS. `ids` maps names of tracks to numbers, which are added."""
+    objects = _objects(file, read_json(file))
+    found = boxes_of(file, objects, _sustech_box, ("obj_type", "obj_id"), ids)
+    return replace(found.boxes, unread=frozenset().union(*objects) - SUSTECH_KEYS)
+
+
+def read_label_cloud(file: Path, *, degrees: bool) -> Boxes:
+    """Reads a file of labelCloud. `degrees` is the unit of `rotations`."""
+    content = read_json(file)
+    objects = _objects(file, content.get("objects") if isinstance(content, dict) else None)
+
+    def box(location: str, entry: Mapping[str, Any]) -> FloatArray:
+        if "vertices" in entry:
+            return _box_of_corners(location, entry["vertices"])
+        xyz = group(location, entry, "centroid", "xyz")
+        sizes = group(location, entry, "dimensions", SIZES)
+        (yaw,) = group(location, entry, "rotations", "z")
+        return checked_box(
+            location, np.array([*xyz, *sizes, math.radians(yaw) if degrees else yaw])
+        )
+
+    found = boxes_of(file, objects, box, ("name", ""), None)
+    return replace(found.boxes, unread=frozenset().union(*objects) - CLOUD_KEYS)
+
+
+def has_degrees(files: Sequence[Path]) -> bool:
+    """Returns whether a rotation in files of labelCloud is too large for radians."""
+    for file in files:
+        content = read_json(file)
+        for entry in content.get("objects", ()) if isinstance(content, dict) else ():
+            turn = entry.get("rotations") if isinstance(entry, dict) else None
+            for value in turn.values() if isinstance(turn, dict) else ():
+                if isinstance(value, int | float) and abs(value) > MOST_RADIANS:
+                    return True
+    return False
+
+
+def _objects(file: Path, objects: object) -> list[dict[str, Any]]:
+    if not isinstance(objects, list) or not all(isinstance(entry, dict) for entry in objects):
+        raise FormatError(f"{file}: expected a list of objects, got something else")
+    return objects
+
+
+def _sustech_box(location: str, entry: Mapping[str, Any]) -> FloatArray:
+    box = entry.get("psr")
+    box = box if isinstance(box, dict) else {}
+    parts = [group(f"{location}: psr", box, key, "xyz") for key in ("position", "scale")]
+    turn = group(f"{location}: psr", box, "rotation", "xyz")
+    ahead = Rotation.from_euler("XYZ", turn).as_matrix()[:, 0]
+    heading = float(np.arctan2(ahead[1], ahead[0]))
+    return checked_box(location, np.array([*parts[0], *parts[1], heading]))
+
+
+def _box_of_corners(location: str, raw: object) -> FloatArray:
+    """The corners are those of `BBox` of labelCloud: 3 is ahead of 0, 1 left of 0, 4 above 0."""
+    rows = raw if isinstance(raw, list) else []
+    values = [
+        number(f"{location}: vertices", v) for row in rows if isinstance(row, list) for v in row
+    ]
+    if len(values) != 24:
+        raise FormatError(
+            f"{location}: vertices: expected 8 corners of x, y, z, got something else"
+        )
+    corners = np.array(values).reshape(8, 3)
+    sides = corners[[3, 1, 4]] - corners[0]
+    heading = math.atan2(sides[0, 1], sides[0, 0])
+    return checked_box(
+        location, np.array([*corners.mean(axis=0), *np.linalg.norm(sides, axis=1), heading])
+    )

@@ -1,0 +1,80 @@
+"""Lists what lies in a recording, and beside it, but is not read by the import."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from pyinfra.core.files import resolved
+
+MOST_LISTED = 12
+MOST_ENTRIES = 100_000  # larger folders are not searched
+# Names of files and folders beside a folder of clouds that are probably labels.
+# Files that describe a recording, and have no data.
+TEXTS = re.compile(r"(readme|licen[cs]e|changelog)", re.IGNORECASE)
+LIKE_LABELS = re.compile(r"label|annot|ground.?truth|\bgts?\b|boxes|cuboid|tracks", re.IGNORECASE)
+
+
+def unread_files(source: Path, reads: Sequence[Path]) -> list[str]:
+    """Returns the files and folders of a recording that are not read, such as `camera/ (9 .jpg)`.
+
+    `reads` are the files and folders that are read. Files and folders beside the recording are
+    listed if their names are those of labels. Files with a name that begins with . or
+    _ are not listed, and neither are texts such as a readme.
+    """
+    known = {resolved(path) for path in reads}
+    if not known or resolved(source) in known:
+        return []
+    above = {parent for path in known for parent in path.parents}
+    top = resolved(source)
+    out = list(_unread(top, "", known, above)) if top.is_dir() else []
+    for path in sorted(top.parent.iterdir()):
+        if path != top and LIKE_LABELS.search(path.name) and not _is_read(path, known, above):
+            out.append(f"../{_text(path)}")
+    return out
+
+
+def has_labels(unread: Iterable[str]) -> bool:
+    """Returns whether a file or folder that is not read is probably one of labels."""
+    return any(LIKE_LABELS.search(text.partition(" (")[0]) for text in unread)
+
+
+def _unread(folder: Path, prefix: str, known: set[Path], above: set[Path]) -> Iterable[str]:
+    files: dict[str, list[str]] = {}
+    for path in sorted(folder.iterdir()):
+        if path.name.startswith((".", "_")) or path in known or TEXTS.match(path.name):
+            continue
+        if path.is_dir() and path in above:
+            yield from _unread(path, f"{prefix}{path.name}/", known, above)
+        elif path.is_dir():
+            yield prefix + _text(path)
+        else:
+            files.setdefault(path.suffix, []).append(path.name)
+    for suffix, names in files.items():
+        yield prefix + (names[0] if len(names) == 1 else f"*{suffix} ({len(names)} files)")
+
+
+def _is_read(path: Path, known: set[Path], above: set[Path]) -> bool:
+    return path in above or path in known or not known.isdisjoint(path.parents)
+
+
+def _text(path: Path) -> str:
+    """Returns the name of a file, or of a folder with the number of its files by ending."""
+    if not path.is_dir():
+        return path.name
+    counts: Counter[str] = Counter()
+    for k, file in enumerate(path.rglob("*")):
+        if k >= MOST_ENTRIES:
+            break
+        if file.is_file():
+            counts[file.suffix or file.name] += 1
+    kinds = ", ".join(f"{count} {suffix}" for suffix, count in counts.most_common(3))
+    return f"{path.name}/ ({kinds or 'empty'})"
+
+
+def listed(texts: Sequence[str]) -> str:
+    """Returns the texts in one line, with the number of those that are not listed."""
+    more = len(texts) - MOST_LISTED
+    return "; ".join(texts[:MOST_LISTED]) + (f"; and {more} more" if more > 0 else "")

@@ -1,0 +1,218 @@
+"""Reads boxes from a CSV file whose columns have any names.
+
+A column has a key, such as `length`. Plain names are recognised; a user's mapping of keys to
+columns comes first. All boxes are in the LiDAR frame, in metres.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray, IntArray, NameArray
+from pyinfra.core.errors import FormatError
+from pyinfra.formats.text_table import MOST_RADIANS, lines_of
+
+# Names of columns for each key, in lower case without other signs than letters and digits.
+NAMES: dict[str, tuple[str, ...]] = {
+    "frame": ("frame", "frameid", "framenumber", "frameindex", "frameidx", "frameno"),
+    "class": (
+        *("class", "type", "label", "category", "classname", "objtype", "objecttype"),
+        *("labelname", "objectclass", "name", "objectname"),
+    ),
+    "x": ("x", "cx", "centerx", "centrex", "xcenter", "xcentre", "posx", "positionx", "xm", "tx"),
+    "y": ("y", "cy", "centery", "centrey", "ycenter", "ycentre", "posy", "positiony", "ym", "ty"),
+    "z": ("z", "cz", "centerz", "centrez", "zcenter", "zcentre", "posz", "positionz", "zm", "tz"),
+    "z_bottom": ("zbottom", "bottomz", "zground", "zmin"),
+    "length": ("length", "l", "dx", "len", "lengthm", "sizex", "dimx", "boxlength", "scalex"),
+    "width": ("width", "w", "dy", "wid", "widthm", "sizey", "dimy", "boxwidth", "scaley"),
+    "height": ("height", "h", "dz", "heightm", "sizez", "dimz", "boxheight", "scalez"),
+    "yaw": ("yaw", "heading", "yawrad", "headingrad", "rotz", "rotationz", "rz", "theta"),
+    "yaw_deg": ("yawdeg", "headingdeg", "yawdegrees", "headingdegrees", "rotzdeg", "thetadeg"),
+    "score": ("score", "confidence", "conf", "probability", "prob"),
+    "id": ("id", "trackid", "objectid", "objid", "instanceid"),
+}
+NUMBERS = ("x", "y", "z", "length", "width", "height", "yaw")  # of a box, in this order
+SIZES = ("length", "width", "height")
+ALTERNATIVES = {"z": "z_bottom", "yaw": "yaw_deg"}  # keys that can replace another one
+FARTHEST_M, MOST_M = 1e4, 1000.0
+
+
+@dataclass(frozen=True, eq=False)
+class BoxTable:
+    """The n boxes of a file, in its order."""
+
+    frames: list[str] | None  # texts of the column `frame`; None without this column
+    names: NameArray  # (n,) classes; `vehicle` without this column
+    boxes: FloatArray  # (n, 7) x y z dx dy dz heading, z of the centre
+    scores: FloatArray | None  # (n,)
+    tracks: list[str] | None  # texts of the column `id`
+    lines: list[int]  # line of each box
+    columns: dict[str, str]  # the column of each key
+    unread: list[str]  # columns that are not read
+
+
+def read_box_csv(file: Path, columns: Mapping[str, str] | None = None) -> BoxTable:
+    """Reads a file. `columns` maps keys of NAMES to the columns of the file.
+
+    Raises FormatError with file, line and column.
+    """
+    rows, lines, header = _cells(file)
+    column_of = _columns(file, header, columns or {})
+    at = {key: header.index(name) for key, name in column_of.items()}
+
+    def numbers(key: str) -> FloatArray:
+        return _numbers(file, [row[at[key]] for row in rows], lines, column_of[key])
+
+    values = {key: numbers(key) for key in column_of if key not in ("frame", "class", "id")}
+    for key in SIZES:
+        _check(file, lines, column_of[key], values[key], 0.001, MOST_M)
+    for key in ("x", "y", "z", "z_bottom"):
+        if key in values:
+            _check(file, lines, column_of[key], values[key], -FARTHEST_M, FARTHEST_M)
+    if "z" not in values:
+        values["z"] = values["z_bottom"] + values["height"] / 2
+    if "yaw" not in values:
+        values["yaw"] = np.radians(values["yaw_deg"])
+    elif len(rows) > 0 and (most := float(np.abs(values["yaw"]).max())) > MOST_RADIANS:
+        raise FormatError(
+            f"{file}: {column_of['yaw']}: expected radians, -2 pi to 2 pi, got {most:g}; if the "
+            f"column has degrees, map it as `yaw_deg={column_of['yaw']}`"
+        )
+    names = [row[at["class"]].strip() or "unknown" for row in rows] if "class" in at else None
+    return BoxTable(
+        frames=[row[at["frame"]].strip() for row in rows] if "frame" in at else None,
+        names=np.array(names or ["vehicle"] * len(rows), dtype=np.str_),
+        boxes=np.stack([values[key] for key in NUMBERS], axis=1),
+        scores=values.get("score"),
+        tracks=[row[at["id"]].strip() for row in rows] if "id" in at else None,
+        lines=lines,
+        columns=column_of,
+        unread=[name for name in header if name not in column_of.values()],
+    )
+
+
+def rows_of_names(file: Path, table: BoxTable, names: Sequence[str]) -> dict[str, IntArray]:
+    """Returns the rows (k,) of each frame that has boxes. `names` are those of the frames.
+
+    The column `frame` has a name, with or without ending and folder, or a number. Raises
+    FormatError for a table without this column, and for an unknown frame.
+    """
+    if table.frames is None:
+        raise FormatError(
+            f"{file}:1: expected a column `frame` with names or numbers of clouds, got "
+            f"{', '.join(table.columns.values())}; map it with frame=COLUMN"
+        )
+    known = {name: name for name in names}
+    numbers = {int(name): name for name in names if name.isdecimal()}
+    rows: dict[str, list[int]] = {}
+    for i, word in enumerate(table.frames):
+        path = Path(word)
+        words = (word, path.name, path.name.removesuffix(path.suffix))
+        name = next((known[w] for w in words if w in known), None)
+        if name is None and (whole := word.removesuffix(".0")).isdecimal():
+            name = numbers.get(int(whole))
+        if name is None:
+            raise FormatError(
+                f"{file}:{table.lines[i]}: {table.columns['frame']}: expected the name or number "
+                f"of a cloud, such as {names[0] if names else 'none'}, got '{word[:40]}'"
+            )
+        rows.setdefault(name, []).append(i)
+    return {name: np.array(values, dtype=np.int64) for name, values in rows.items()}
+
+
+def parse_columns(words: Sequence[str]) -> dict[str, str]:
+    """Parses texts KEY=COLUMN. Raises FormatError for another text or key."""
+    columns = {}
+    for word in words:
+        key, equals, name = word.partition("=")
+        if not equals or not name or key not in NAMES:
+            raise FormatError(f"expected KEY=COLUMN with a key of {', '.join(NAMES)}; got '{word}'")
+        columns[key] = name
+    return columns
+
+
+def _cells(file: Path) -> tuple[list[list[str]], list[int], list[str]]:
+    """Returns the cells of all rows, the line of each row, and the names of the columns."""
+    text = lines_of(file)
+    first = next((line for line in text if line.strip()), "")
+    separator = next((sign for sign in (";", "\t", ",") if sign in first), ",")
+    reader = csv.reader(io.StringIO("\n".join(text)), delimiter=separator, skipinitialspace=True)
+    rows, lines, header = [], [], list[str]()
+    try:
+        for row in reader:
+            if not row or not any(cell.strip() for cell in row):
+                continue
+            if not header:
+                header = [cell.strip() for cell in row]
+            elif len(row) != len(header):
+                raise FormatError(
+                    f"{file}:{reader.line_num}: expected {len(header)} columns, got {len(row)}"
+                )
+            else:
+                rows.append(row)
+                lines.append(reader.line_num)
+    except csv.Error as error:
+        raise FormatError(f"{file}:{reader.line_num}: {error}") from None
+    return rows, lines, header
+
+
+def _columns(file: Path, header: Sequence[str], given: Mapping[str, str]) -> dict[str, str]:
+    """Returns the column of each key. Raises FormatError for a missing or ambiguous column."""
+    got = ", ".join(header)[:300] or "an empty file"
+    found = {}
+    for key, name in given.items():
+        if key not in NAMES or header.count(name) != 1:
+            raise FormatError(f"{file}:1: expected one column '{name}' for `{key}`, got {got}")
+        found[key] = name
+    free = [name for name in header if name not in given.values()]
+    for key, names in NAMES.items():
+        if key in found or any(ALTERNATIVES.get(k) == key for k in given):
+            continue
+        fitting = [name for name in free if re.sub(r"[^a-z0-9]", "", name.lower()) in names]
+        if len(fitting) > 1:
+            raise FormatError(
+                f"{file}:1: expected one column for `{key}`, got {', '.join(fitting)}; "
+                f"`{key}={fitting[0]}` selects one"
+            )
+        if fitting and not (key in ALTERNATIVES and ALTERNATIVES[key] in given):
+            found[key] = fitting[0]
+    for key, other in ALTERNATIVES.items():
+        if key in found and other in found:
+            del found[other]
+    missing = [k for k in NUMBERS if k not in found and ALTERNATIVES.get(k) not in found]
+    if missing:
+        raise FormatError(
+            f"{file}:1: expected columns for {', '.join(missing)}, got {got}; map them with "
+            f"KEY=COLUMN, such as {missing[0]}=NAME. Keys are {', '.join(NAMES)}"
+        )
+    return found
+
+
+def _numbers(file: Path, cells: Sequence[str], lines: Sequence[int], name: str) -> FloatArray:
+    values = []
+    for cell, line in zip(cells, lines, strict=True):
+        try:
+            value = float(cell)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise FormatError(f"{file}:{line}: {name}: expected a finite number, got '{cell[:40]}'")
+        values.append(value)
+    return np.array(values, dtype=np.float64)
+
+
+def _check(
+    file: Path, lines: Sequence[int], name: str, values: FloatArray, low: float, high: float
+) -> None:
+    bad = np.flatnonzero(~((values >= low) & (values <= high)))
+    if len(bad) > 0:
+        at = f"{file}:{lines[int(bad[0])]}: {name}"
+        raise FormatError(f"{at}: expected {low:g} to {high:g} m, got {values[bad[0]]:g}")

@@ -1,0 +1,363 @@
+"""Labels of several tools beside clouds: each kind gives the same boxes, and none is dropped."""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from exchange_data import write_recording
+from recording_files import road, write_bag
+from scipy.spatial.transform import Rotation
+from test_import import LAYOUTS as EXPORTED
+from test_import import source_of
+from test_import_public import LAYOUTS as PUBLIC
+
+import pyinfra as pi
+from pyinfra.cli import main
+from pyinfra.core.errors import Error, FormatError
+from pyinfra.exchange.data_set import LidarFacts
+from pyinfra.exchange.formats import reader
+from pyinfra.exchange.guess import guess_format
+from pyinfra.exchange.imports import import_recording, warnings
+from pyinfra.exchange.recording import Options
+from pyinfra.exchange.unread import unread_files
+from pyinfra.formats import kitti
+from pyinfra.formats.box_csv import read_box_csv
+from pyinfra.formats.pcd_file import write_pcd
+
+# Class, track, x y z length width height heading, and the roll of the box.
+BOXES = [
+    ("Car", "7", (12.0, -3.0, -5.25, 4.5, 1.9, 1.5, 2.5), 0.05),
+    ("Truck", "9", (-20.0, 6.0, -4.5, 9.0, 2.5, 3.0, -0.5), 0.0),
+]
+FRAMES = ("000004", "000005", "000006")
+Write = Callable[[Path], Options]
+
+
+def boxes_in(frame: int) -> list[tuple[str, str, list[float], float]]:
+    """Returns the boxes of a frame. Their order changes, and the last frame has none."""
+    moved = [(n, t, [b[0] + frame, *b[1:]], roll) for n, t, b, roll in BOXES]
+    return moved[:: 1 if frame % 2 else -1] if frame < 2 else []
+
+
+def write_clouds(folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for k, name in enumerate(FRAMES):
+        kind = [(axis, "<f4") for axis in ("x", "y", "z", "intensity")]
+        records = np.array([tuple(point) for point in road(k, 300)], dtype=kind)
+        write_pcd(folder / f"{name}.pcd", records)
+
+
+def write_json(folder: Path, content: Callable[[list[Any]], object]) -> None:
+    folder.mkdir()
+    for k, name in enumerate(FRAMES):
+        (folder / f"{name}.json").write_text(json.dumps(content(boxes_in(k))))
+
+
+def label_cloud(*, degrees: bool) -> Write:
+    def turn(yaw: float) -> float:
+        return math.degrees(yaw) % 360 if degrees else yaw
+
+    def entry(name: str, box: list[float]) -> dict[str, Any]:
+        return {
+            "name": name,
+            "centroid": dict(zip("xyz", box[:3], strict=True)),
+            "dimensions": dict(zip(("length", "width", "height"), box[3:6], strict=True)),
+            "rotations": {"x": 0, "y": 0, "z": turn(box[6])},
+        }
+
+    def write(source: Path) -> Options:
+        write_clouds(source / "pointclouds")
+        write_json(
+            source / "labels",
+            lambda boxes: {
+                "folder": "pointclouds",
+                "objects": [entry(n, b) for n, _, b, _ in boxes],
+            },
+        )
+        (source / "labels/_classes.json").write_text('{"classes": []}')
+        return Options()
+
+    return write
+
+
+def label_cloud_corners(source: Path) -> Options:
+    signs = [(-1, -1, -1), (-1, 1, -1), (1, 1, -1), (1, -1, -1)]
+    signs += [(x, y, 1) for x, y, _ in signs]
+
+    def corners(box: list[float]) -> list[list[float]]:
+        turn = Rotation.from_euler("Z", box[6])
+        return (turn.apply(np.array(signs) * box[3:6] / 2) + box[:3]).tolist()
+
+    write_clouds(source / "pointclouds")
+    write_json(
+        source / "labels",
+        lambda boxes: {"objects": [{"name": n, "vertices": corners(b)} for n, _, b, _ in boxes]},
+    )
+    return Options()
+
+
+def sustech(source: Path) -> Options:
+    def entry(name: str, track: str, box: list[float], roll: float) -> dict[str, Any]:
+        groups = {"position": box[:3], "scale": box[3:6], "rotation": [roll, 0, box[6]]}
+        psr = {key: dict(zip("xyz", value, strict=True)) for key, value in groups.items()}
+        return {"obj_id": track, "obj_type": name, "psr": psr}
+
+    write_clouds(source / "lidar")
+    write_json(source / "label", lambda boxes: [entry(*box) for box in boxes])
+    return Options()
+
+
+def open_label(source: Path) -> Options:
+    def entry(name: str, box: list[float]) -> dict[str, Any]:
+        turn = Rotation.from_euler("Z", box[6]).as_quat().tolist()
+        return {"object_data": {"type": name, "cuboid": {"val": [*box[:3], *turn, *box[3:6]]}}}
+
+    write_clouds(source)
+    write_json(
+        source / "labels",
+        lambda boxes: {
+            "openlabel": {"frames": {"0": {"objects": {t: entry(n, b) for n, t, b, _ in boxes}}}}
+        },
+    )
+    return Options()
+
+
+def dair(source: Path) -> Options:
+    def entry(name: str, track: str, box: list[float]) -> dict[str, Any]:
+        sizes = dict(zip("lwh", box[3:6], strict=True))
+        place = dict(zip("xyz", box[:3], strict=True))
+        return {"type": name, "track_id": track, "3d_location": place, "3d_dimensions": sizes} | {
+            "rotation": box[6]
+        }
+
+    write_clouds(source)
+    write_json(source / "labels", lambda boxes: [entry(n, t, b) for n, t, b, _ in boxes])
+    return Options()
+
+
+def csv_of_frames(source: Path) -> Options:
+    write_clouds(source)
+    (source / "labels").mkdir()
+    for k, name in enumerate(FRAMES):
+        rows = ["Track ID;Class;center_x;center_y;center_z;length_m;width_m;height_m;yaw (rad)"]
+        rows += [";".join([t, n, *map(str, b)]) for n, t, b, _ in boxes_in(k)]
+        (source / f"labels/{name}.csv").write_text("\n".join(rows) + "\n")
+    return Options()
+
+
+def one_csv(header: str, frames: tuple[str, ...], columns: dict[str, str]) -> Write:
+    """The headers of this table state degrees and the bottom of the box."""
+
+    def write(source: Path) -> Options:
+        write_clouds(source / "clouds")
+        rows = [header]
+        for k, name in enumerate(frames):
+            for kind, track, b, _ in boxes_in(k):
+                cells = [b[0], b[1], b[2] - b[5] / 2, *b[3:6], math.degrees(b[6]), 0.5]
+                rows.append(",".join([name, track, kind, *map(str, cells)]))
+        (source / "boxes.csv").write_text("\ufeff" + "\r\n".join(rows) + "\r\n")
+        return Options(labels=source / "boxes.csv", label_columns=columns)
+
+    return write
+
+
+PLAIN = "frame,id,label,x,y,z_bottom,length,width,height,yaw_deg,colour"
+OTHER = "cloud,nr,kind,a,b,c,l,w,h,angle,colour"
+MAPPED = {"frame": "cloud", "id": "nr", "class": "kind", "x": "a", "y": "b", "z_bottom": "c"} | {
+    "yaw_deg": "angle"
+}
+KINDS: dict[str, Write] = {
+    "labelCloud radians": label_cloud(degrees=False),
+    "labelCloud degrees": label_cloud(degrees=True),
+    "labelCloud corners": label_cloud_corners,
+    "SUSTechPOINTS": sustech,
+    "OpenLABEL": open_label,
+    "DAIR-V2X": dair,
+    "csv of frames": csv_of_frames,
+    "csv with numbers": one_csv(PLAIN, ("4", "5", "6"), {}),
+    "csv with names": one_csv(PLAIN, FRAMES, {}),
+    "csv with paths": one_csv(PLAIN, tuple(f"velodyne/{name}.pcd" for name in FRAMES), {}),
+    "csv with other names": one_csv(OTHER, FRAMES, MAPPED),
+}
+TRACKED = [kind for kind in KINDS if not kind.startswith("labelCloud")]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_labels_of_each_tool_give_the_same_boxes(kind: str, tmp_path: Path) -> None:
+    source = tmp_path / "source"
+    options = KINDS[kind](source)
+    clouds = source / "clouds" if options.labels else source
+    assert guess_format(clouds)[0] == "pcd"
+    lidar = tmp_path / "in/pole"
+    facts = LidarFacts("pole", "junction")
+    summary, labelled = import_recording(clouds, "pcd", lidar, facts, options)
+    assert labelled
+    assert kitti.frames(lidar) == [4, 5, 6]
+    ids: dict[str, set[int]] = {}
+    for k in range(3):
+        got = kitti.read_objects(kitti.frame_file(lidar, "objects", 4 + k))
+        want = boxes_in(k)
+        assert got.names.tolist() == [name for name, *_ in want]
+        boxes = np.array([box for _, _, box, _ in want]).reshape(-1, 7)
+        assert np.allclose(got.boxes[:, :6], boxes[:, :6], atol=1e-4)
+        assert np.allclose(np.sin((got.boxes[:, 6] - boxes[:, 6]) / 2), 0, atol=2e-3)
+        for (_, track, *_), number in zip(want, got.ids.tolist(), strict=True):
+            ids.setdefault(track, set()).add(number)
+    assert all(len(found) == 1 for found in ids.values())
+    assert all((kind in TRACKED) == (min(found) >= 0) for found in ids.values())
+    unread = ["keys of labels: colour"] if kind in TRACKED[-4:] else []
+    assert [text for text in summary.not_read if "fields of points" not in text] == unread
+
+
+def test_frames_that_were_not_labelled_are_left_out(tmp_path: Path) -> None:
+    """A labelling tool writes no file for them, so that an empty frame would be wrong."""
+    sustech(tmp_path / "source")
+    (tmp_path / "source/label/000005.json").unlink()
+    facts = LidarFacts("pole", "junction")
+    summary, _ = import_recording(tmp_path / "source", "pcd", tmp_path / "a/b", facts, Options())
+    assert kitti.frames(tmp_path / "a/b") == [4, 6]
+    assert any("1 of 3 clouds, such as 000005.pcd" in text for text in summary.assumed)
+
+
+def made(name: str, motorway: Path, tmp_path: Path) -> Path:
+    if name in PUBLIC:
+        return PUBLIC[name](motorway, tmp_path / "set")
+    if name in EXPORTED:
+        pole = write_recording(tmp_path / "made_up")
+        return source_of(name, pole, [5, 6, 7], tmp_path / "source")
+    return write_bag(tmp_path / "street", "mcap", "hesai", 2).parent / "street"
+
+
+@pytest.mark.parametrize("name", [*PUBLIC, *EXPORTED, "bag"])
+def test_what_is_not_read_is_listed(name: str, motorway: Path, tmp_path: Path) -> None:
+    """Nothing of a complete recording is listed; a folder and a file that are added are."""
+    source = made(name, motorway, tmp_path)
+    recording = reader(name)(source, Options())
+    own = ["lidar.yaml"] if name == "kitti" else []  # the layout is known, but not this file
+    assert unread_files(source, recording.reads) == own
+    (source / "camera/front").mkdir(parents=True)
+    for i in range(3):
+        (source / f"camera/front/{i}.jpg").touch()
+    (source / "boxes.xlsx").touch()
+    (source / "README.md").touch()
+    (source.parent / "annotations").mkdir()
+    found = unread_files(source, reader(name)(source, Options()).reads)
+    assert [text for text in found if text not in own] == [
+        "camera/ (3 .jpg)",
+        "boxes.xlsx",
+        "../annotations/ (empty)",
+    ]
+
+
+def test_an_import_lists_it_once_and_warns_of_labels(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_clouds(tmp_path / "source")
+    (tmp_path / "source/annotation").mkdir()
+    (tmp_path / "source/annotation/000004.xml").touch()
+    out = tmp_path / "data/pole"
+    words = ["import", str(tmp_path / "source"), "--out", str(out), "--upright", "as-is"]
+    assert main.main(words) == 0
+    printed = capsys.readouterr()
+    assert printed.out.count("not read: ") == 1
+    assert "not read: annotation/ (1 .xml)" in printed.out
+    assert "annotation/ (1 .xml) may be labels, which are not read; --label-folder" in printed.err
+    assert "annotation/ (1 .xml)" in (out / "lidar.yaml").read_text()
+    facts = LidarFacts("pole", "junction")
+    summary, labelled = import_recording(
+        tmp_path / "source", "pcd", tmp_path / "b/pole", facts, Options(), upright="as-is"
+    )
+    assert any("may be labels" in text for text in warnings(summary, labelled))
+
+
+def test_keys_fields_and_topics_that_are_not_read_are_named(motorway: Path, tmp_path: Path) -> None:
+    source = PUBLIC["dair-v2x"](motorway, tmp_path / "set")
+    file = next(source.rglob("label/virtuallidar/*.json"))
+    entries = json.loads(file.read_text())
+    file.write_text(json.dumps([entry | {"2d_box": {}, "alpha": 0} for entry in entries]))
+    facts = LidarFacts("pole", "junction")
+    summary, _ = import_recording(source, "dair-v2x", tmp_path / "a/b", facts, Options())
+    assert summary.not_read == ["keys of labels: 2d_box, alpha"]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ('{"shapes": [], "version": 1}', "got the keys shapes, version; a .csv file"),
+        ('[{"points": []}]', "got the keys points; a .csv file"),
+        ("[1]", "got other content"),
+    ],
+)
+def test_unknown_json_is_refused_with_its_keys(content: str, message: str, tmp_path: Path) -> None:
+    write_clouds(tmp_path)
+    (tmp_path / "labels").mkdir()
+    (tmp_path / "labels/000004.json").write_text(content)
+    with pytest.raises(FormatError, match=message):
+        reader("pcd")(tmp_path, Options())
+
+
+ROW = "1,2,3,4,2,1.5,0"
+
+
+@pytest.mark.parametrize(
+    ("text", "columns", "message"),
+    [
+        ("x,y,z,l,w,h\n1,2,3,4,5,6\n", {}, ":1: expected columns for yaw, got x, y, z, l, w, h"),
+        (f"x,cx,y,z,l,w,h,yaw\n0,{ROW}\n", {}, "one column for `x`, got x, cx; `x=x` selects"),
+        (f"x,y,z,l,w,h,yaw\n{ROW}\n", {"score": "p"}, "one column 'p' for `score`, got x, y"),
+        ("x,y,z,l,w,h,yaw\n1,2,3,4,2,1.5,90\n", {}, "yaw: expected radians.*`yaw_deg=yaw`"),
+        ("x,y,z,l,w,h,yaw\n1,2,3,0,2,1.5,1\n", {}, ":2: l: expected 0.001 to 1000 m, got 0"),
+        ("x,y,z,l,w,h,yaw\n1,2,3e5,4,2,1.5,1\n", {}, ":2: z: expected -10000 to 10000 m"),
+        ("x,y,z,l,w,h,yaw\n1,2,,4,2,1.5,1\n", {}, ":2: z: expected a finite number, got ''"),
+        (f"x,y,z,l,w,h,yaw\n{ROW},9\n", {}, ":2: expected 7 columns, got 8"),
+        ("", {}, "got an empty file"),
+    ],
+)
+def test_wrong_tables_are_named(
+    text: str, columns: dict[str, str], message: str, tmp_path: Path
+) -> None:
+    (tmp_path / "boxes.csv").write_text(text)
+    with pytest.raises(FormatError, match=message):
+        read_box_csv(tmp_path / "boxes.csv", columns)
+
+
+def test_rows_of_unknown_frames_are_refused(tmp_path: Path) -> None:
+    options = one_csv(PLAIN, ("4", "5", "6"), {})(tmp_path / "source")
+    text = (tmp_path / "source/boxes.csv").read_text().replace("\n5,", "\n17,")
+    (tmp_path / "source/boxes.csv").write_text(text)
+    with pytest.raises(Error, match=r"boxes.csv:4: frame: expected the name or number .*got '17'"):
+        reader("pcd")(tmp_path / "source/clouds", options)
+
+
+def test_boxes_of_a_detector_in_a_table_become_predictions(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The frames are those of a recording, by number or by the name of the cloud."""
+    dair(tmp_path / "source")
+    facts = LidarFacts("pole", "junction")
+    lidar = tmp_path / "data/pole"
+    import_recording(tmp_path / "source", "pcd", lidar, facts, Options())
+    header = "cloud,p,kind,a,b,c,l,w,h,angle,colour"
+    one_csv(header, tuple(f"x/{name}.pcd" for name in FRAMES), {})(tmp_path / "other")
+    table = tmp_path / "other/boxes.csv"
+    text = table.read_text().replace(",7,", ",0.9,").replace(",9,", ",0.25,")
+    table.write_text(text)
+    words = ["frame=cloud", "score=p", "class=kind", "x=a", "y=b", "z_bottom=c", "yaw_deg=angle"]
+    command = ["import", str(table), "--boxes-of", str(lidar), "--out", str(tmp_path / "boxes")]
+    assert main.main([*command, "--label-columns", *words]) == 0
+    assert "4 boxes in 3 frames" in capsys.readouterr().out
+    assert [f.name for f in sorted((tmp_path / "boxes").iterdir())] == [f"{n}.txt" for n in FRAMES]
+    read = pi.Detections.from_kitti(tmp_path / "boxes", lidar)
+    assert sorted(read.score) == [0.25, 0.25, 0.9, 0.9]
+    truth = kitti.read_objects(kitti.frame_file(lidar, "objects", 4))
+    found = read[read.frame == 4].sort_values("score")[["x", "y", "z", "dx", "dy", "dz", "heading"]]
+    assert np.allclose(found.to_numpy(), truth.boxes, atol=1e-3)
+    assert main.main([*command, "--label-columns", *words]) == 2
+    assert "--out: expected a new or empty folder" in capsys.readouterr().err
+    table.write_text(text.replace("0.25", "25"))
+    with pytest.raises(FormatError, match="p: expected 0 to 1, got 25"):
+        pi.Detections.from_csv(table, lidar, dict(word.split("=") for word in words))
