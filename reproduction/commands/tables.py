@@ -1,8 +1,9 @@
-"""Writes the tables of the documentation from the CSV files in results/: `make docs`.
+"""Writes the tables and answers of the documentation from the CSV files in results/: `make docs`.
 
 In a page, a table is between `<!-- table NAME -->` and `<!-- end -->`. TABLES maps each NAME to the
 function that makes the table. Below the table, a sentence names the frames on which it rests.
-`--check` writes nothing and fails if a table in a page differs from the result of its function.
+Likewise, TEXTS has the paragraphs between `<!-- text NAME -->` and `<!-- end -->`. `--check` writes
+nothing and fails if a table or text in a page differs from the result of its function.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+import textwrap
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -28,6 +30,8 @@ from reproduction.tables import (
     networks,
     placement,
     rungs,
+    sentences,
+    sentences_of_models,
     simulator,
     sites,
     steps,
@@ -38,7 +42,8 @@ from reproduction.tables import (
 from reproduction.tables.common import frames_of_results, with_frames
 
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
-BLOCK = re.compile(r"(<!-- table (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+BLOCK = re.compile(r"(<!-- (table|text) (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+LINE = 200  # characters of a line of a page
 
 TABLES: dict[str, Callable[[], str]] = {
     "three findings": front_page.findings,
@@ -125,22 +130,52 @@ FRAMES: dict[str, Callable[[], str]] = {  # without the sentence on frames
 }
 
 
+TEXTS: dict[str, Callable[[], str]] = {
+    "areas": sentences.areas,
+    "comparable": sentences.comparable,
+    "detector decides": sentences.detector_decides,
+    "64 lines": sentences.lines_64,
+    "distance": sentences.distance,
+    "value": sentences.value,
+    "detectors": sentences.detectors,
+    "points": sentences.points,
+    "seeds": sentences.seeds,
+    "fidelity": sentences_of_models.fidelity,
+    "failures": sentences_of_models.failures,
+    "integration": sentences_of_models.integration,
+    "label times": sentences_of_models.label_times,
+    "placement": sentences_of_models.placement,
+    "models of a LiDAR": sentences_of_models.lidar_models,
+    "tracks": sentences_of_models.tracks,
+    "people": sentences_of_models.people,
+    "unseen": sentences_of_models.unseen,
+}
+
+
+def paragraph(text: str) -> str:
+    return textwrap.fill(text, LINE, break_long_words=False, break_on_hyphens=False) + "\n"
+
+
 def rewritten(page: Path) -> str:
-    """Returns the text of a page with current tables. Raises Error for an unknown table name."""
+    """Returns a page with current tables and texts. Raises Error for an unknown name."""
 
-    def table(match: re.Match[str]) -> str:
-        begin, name, _, end = match.groups()
-        if name not in {*TABLES, *FRAMES}:
-            raise Error(f"{page}: expected one of the tables {'; '.join(TABLES)}; got '{name}'")
-        return begin + (FRAMES[name]() if name in FRAMES else with_frames(TABLES[name])) + end
+    def block(match: re.Match[str]) -> str:
+        begin, kind, name, _, end = match.groups()
+        known = TEXTS if kind == "text" else {**TABLES, **FRAMES}
+        if name not in known:
+            raise Error(f"{page}: expected one of the {kind}s {'; '.join(known)}; got '{name}'")
+        make = known[name]
+        if kind == "text":
+            return begin + paragraph(make()) + end
+        return begin + (make() if name in FRAMES else with_frames(make)) + end
 
-    return BLOCK.sub(table, page.read_text(encoding="utf-8"))
+    return BLOCK.sub(block, page.read_text(encoding="utf-8"))
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description="Writes the documentation's tables from results/.")
     parser.add_argument(
-        "--check", action="store_true", help="write nothing; fail if a table is not current"
+        "--check", action="store_true", help="write nothing; fail if a table or text is not current"
     )
     check = parser.parse_args().check
     stale = [page for page in PAGES if rewritten(page) != page.read_text(encoding="utf-8")]

@@ -46,6 +46,11 @@ def _aps() -> Iterator[tuple[tuple[str, str, str], Aps]]:
             yield (scene, preset, SETUPS[setup]), {k: one.loc[replicates] for k, one in aps.items()}
 
 
+def of_setup(setup: str) -> Aps:
+    """Returns the AP of one detector on the highway with preset `paper`."""
+    return dict(_aps())["highway", "paper", SETUPS[setup]]
+
+
 def label_times() -> str:
     """Returns the AP at both label times, as means over cut angles, and the paired difference."""
     rows = []
@@ -115,6 +120,19 @@ def training_cut_angles() -> str:
                 )
     heads = ["scene", "preset", "detector", "LiDAR", "trained at"]
     return markdown([*heads, *(f"tested at {a}" for a in ANGLES_DEG)], rows)
+
+
+def trained_at_angles(lidar: str) -> dict[int, pd.Series]:
+    """Returns the AP by cut angle of the test, for each cut angle of the training.
+
+    The detector is fine-tuned, with mid-frame labels, on the highway with preset `paper`.
+    """
+    table = at_catalogue_law(results("experiments"))
+    keep = (table.subset == "captured") & (table.label_time == "frame")
+    keep &= (table["judge"] == "fine-tuned") & (table.lidar == lidar)
+    keep &= (table.scene == "highway") & (table.preset == "paper")
+    means = table[keep].groupby(["training_cut_angle_deg", "cut_angle_deg"]).ap_r1000.mean()
+    return {int(angle): means[angle] for angle in means.index.unique(0)}
 
 
 def comparison() -> str:

@@ -124,7 +124,7 @@ def compared_with_site_trained() -> str:
     return markdown(heads, rows)
 
 
-def _unseen() -> pd.DataFrame:
+def of_unseen_sites() -> pd.DataFrame:
     """Returns the rows of the pretrained detector at unseen sites, of its current version.
 
     Vehicles are matched by BEV IoU 0.5, pedestrians and cyclists by centre distance 0.5 m.
@@ -136,7 +136,7 @@ def _unseen() -> pd.DataFrame:
 
 def unseen() -> str:
     """Returns a table of AP (R1000) by class at unseen sites."""
-    table, rows = _unseen(), []
+    table, rows = of_unseen_sites(), []
     table = table[(table.condition == "as known") & (table.objects > 0)]
     kinds = (table["sites"] == "all") | (table["class"] == "vehicle")
     for _, row in table[kinds].iterrows():
@@ -148,7 +148,7 @@ def unseen() -> str:
 
 def unseen_pose() -> str:
     """Returns a table of the AP that an unknown pose error costs at the plain sites."""
-    table = _unseen()
+    table = of_unseen_sites()
     wrong = table[table.condition != "as known"]
     rows = [
         [row.condition, row["class"], "{:+.1f} [{:.1f}, {:.1f}]".format(*ends(row, "cost"))]
@@ -162,7 +162,7 @@ def unseen_shown() -> str:
 
     Only boxes with a score of at least 0.5 count as false positives.
     """
-    table = _unseen()
+    table = of_unseen_sites()
     table = table[(table.condition == "as known") & (table["sites"] == "all")]
     rows = []
     for _, row in table.iterrows():

@@ -8,6 +8,8 @@ from pyinfra.metrics.comparison import Interval
 from reproduction.report.ladder import by_seed, interval
 from reproduction.tables.common import LIDARS, markdown, mean_of_ap, results, signed
 
+MODEL = ["detail", "aggregation", "parts", "vegetation", "label_time", "frames"]
+
 
 def speed() -> str:
     """Returns a table of the measurements of `make bench`."""
@@ -41,16 +43,11 @@ def ladder(detector: str = "background", preset: str = "datasheet") -> str:
     Values are means over traffic seeds. Differences are paired by seed, and bold if significant.
     The times are CPU seconds of the simulation.
     """
-    table = results("ladder")
-    table = table[(table.detector == detector) & (table.preset == preset)]
-    settings = ["detail", "aggregation", "parts", "vegetation", "label_time", "frames"]
-    table = table.astype(dict.fromkeys(settings, str))
-    usual = {setting: table[setting].mode()[0] for setting in settings}
+    table, usual, default = _models(detector, preset)
     lidars = [lidar for lidar in LIDARS if lidar in set(table.lidar)]
     rows: list[list[str]] = []
-    default = by_seed(table[(table[settings] == pd.Series(usual)).all(axis=1)])
-    for model, group in table.groupby(settings, sort=False):
-        other = [f"{d} `{v}`" for d, v in zip(settings, model, strict=True) if v != usual[d]]
+    for model, group in table.groupby(MODEL, sort=False):
+        other = [f"{d} `{v}`" for d, v in zip(MODEL, model, strict=True) if v != usual[d]]
         seconds = group.ms_per_frame_set.mean() * int(model[-1]) / 1000
         aps = by_seed(group)
         if other:
@@ -59,6 +56,29 @@ def ladder(detector: str = "background", preset: str = "datasheet") -> str:
             cells = [mean_of_ap(aps[lidar]) for lidar in lidars]
         rows.append([", ".join(other) or "default", f"{seconds:.0f}", *cells])
     return markdown(["model", "CPU, s", *(LIDARS[lidar] for lidar in lidars)], rows)
+
+
+def changes_of_models(
+    detector: str = "background", preset: str = "datasheet"
+) -> dict[tuple[str, str], dict[str, Interval]]:
+    """Returns the changes of AP by setting, value and LiDAR, for models with one other setting."""
+    table, usual, default = _models(detector, preset)
+    changes = {}
+    for model, group in table.groupby(MODEL, sort=False):
+        other = [(name, v) for name, v in zip(MODEL, model, strict=True) if v != usual[name]]
+        if len(other) == 1:
+            aps = by_seed(group)
+            changes[other[0]] = {name: interval(aps[name] - default[name]) for name in aps}
+    return changes
+
+
+def _models(detector: str, preset: str) -> tuple[pd.DataFrame, dict[str, str], pd.DataFrame]:
+    """Returns the rows of all models, the settings of the default one, and its AP by seed."""
+    table = results("ladder")
+    table = table[(table.detector == detector) & (table.preset == preset)]
+    table = table.astype(dict.fromkeys(MODEL, str))
+    usual = {setting: table[setting].mode()[0] for setting in MODEL}
+    return table, usual, by_seed(table[(table[MODEL] == pd.Series(usual)).all(axis=1)])
 
 
 def _difference(mean: Interval) -> str:

@@ -7,6 +7,7 @@ from dataclasses import astuple
 import numpy as np
 import pandas as pd
 
+from pyinfra.core.arrays import FloatArray
 from pyinfra.experiments.stress.stressors import NONE, STRESSORS, Stressor
 from pyinfra.experiments.stress.summary import BEYOND, FALL, crossing
 from pyinfra.metrics.comparison import over_replicates
@@ -61,16 +62,37 @@ def _fall(part: pd.DataFrame, stressor: Stressor, unstressed: pd.Series) -> str:
     rows = part[part.stressor == stressor.name]
     if rows.empty:
         return ""
+    at, aps = _by_severity(rows, stressor, unstressed)
+    of_mean, *of_seeds = (crossing(at, ap, ap[0] - FALL) for ap in (aps.mean(axis=0), *aps))
+    ends = f"{_severity(min(of_seeds))} to {_severity(max(of_seeds))}"
+    return _severity(of_mean) + (f" [{ends}]" if min(of_seeds) < np.inf else "")
+
+
+def falls(stressor: str) -> dict[tuple[str, str], float]:
+    """Returns the severity at which the mean AP has fallen by FALL, by LiDAR and detector.
+
+    It is infinite if AP does not fall that far.
+    """
+    table = results("stress_seeds")
+    found = {}
+    for (lidar, setup), part in table.groupby(["lidar", "setup"], sort=False):
+        rows = part[part.stressor == stressor]
+        if len(rows):
+            at, aps = _by_severity(rows, STRESSORS[stressor], _aps(part, NONE.name, "0"))
+            mean = aps.mean(axis=0)
+            found[str(lidar), str(setup)] = float(crossing(at, mean, mean[0] - FALL))
+    return found
+
+
+def _by_severity(
+    rows: pd.DataFrame, stressor: Stressor, unstressed: pd.Series
+) -> tuple[FloatArray, FloatArray]:
+    """Returns the severities, and the AP by seed and severity, beginning without stress."""
     aps = rows.assign(at=rows.severity.astype(float)).pivot(
         index="seed", columns="at", values="ap_r1000"
     )
     aps.insert(0, float(stressor.severities[0]), unstressed)
-    at = aps.columns.to_numpy(float)
-    of_mean, *of_seeds = (
-        crossing(at, ap, ap[0] - FALL) for ap in (aps.mean().to_numpy(float), *aps.to_numpy(float))
-    )
-    ends = f"{_severity(min(of_seeds))} to {_severity(max(of_seeds))}"
-    return _severity(of_mean) + (f" [{ends}]" if min(of_seeds) < np.inf else "")
+    return aps.columns.to_numpy(float), aps.to_numpy(float)
 
 
 def _severity(at: float) -> str:

@@ -155,6 +155,22 @@ def detectors(scene: str, preset: str, subset: str = "captured") -> str:
     return markdown(heads, rows)
 
 
+def means_of_detectors(scene: str, preset: str) -> tuple[pd.DataFrame, pd.Series, pd.Series]:
+    """Returns AP (`captured`) by LiDAR, training CPU seconds, and milliseconds of a frame.
+
+    The rows are pairs of judge and detector. The times are means over 128 lines and the Avia.
+    """
+    table = at_catalogue_law(at_own_cut_angle(results("experiments")))
+    keep = (table.scene == scene) & (table.preset == preset) & (table.subset == "captured")
+    table = table[keep & (table.label_time == "scan") & table.lidar.isin((WIDE, AVIA))]
+    groups = table.groupby(["judge", "detector"])
+    aps = table.groupby(["judge", "detector", "lidar"]).ap_r1000.mean().unstack()
+    latency = results("latency")
+    latency = latency[(latency.scene == scene) & (latency.preset == preset)]
+    times = latency.groupby(["judge", "detector"]).latency_p50_ms.mean()
+    return aps, groups.train_cpu_s.mean(), times
+
+
 def _of_detectors(row: Any) -> str:
     if row.verdict == TOO_FEW:
         return f"{row.value:.1f}, {row.verdict} ({row.replicates})"
@@ -248,14 +264,23 @@ def costs() -> str:
 
 def seeds() -> str:
     """Returns the half-width of the interval of the Avia's AP minus that of 128 lines."""
-    table = results("variance")
-    table = table[table.quantity == DIFFERENCE].set_index(["judge", "component"]).sd
-    setups = [setup for setup in SETUPS if (setup, "seed") in table.index]
+    halves = half_widths()
     rows = [
-        [str(count), *(f"{_half_width(table[setup], count):.1f}" for setup in setups)]
+        [str(count), *(f"{by_count[count]:.1f}" for by_count in halves.values())]
         for count in REPLICATES
     ]
-    return markdown(["replicates", *(SETUPS[setup] for setup in setups)], rows)
+    return markdown(["replicates", *(SETUPS[setup] for setup in halves)], rows)
+
+
+def half_widths() -> dict[str, pd.Series]:
+    """Returns the half-widths of the table `seeds` by number of replicates, for each judge."""
+    table = results("variance")
+    table = table[table.quantity == DIFFERENCE].set_index(["judge", "component"]).sd
+    return {
+        setup: pd.Series({count: _half_width(table[setup], count) for count in REPLICATES})
+        for setup in SETUPS
+        if (setup, "seed") in table.index
+    }
 
 
 def _half_width(sd: pd.Series, replicates: int, tests: int = 2) -> float:

@@ -1,0 +1,258 @@
+"""Writes the answers of the pages of results from the tables: numbers, orders and "only".
+
+In a page, an answer is between `<!-- text NAME -->` and `<!-- end -->`. A statement without a
+number is made by `known`, which raises Error if the tables contradict it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import pandas as pd
+
+from pyinfra.core.errors import Error
+from pyinfra.metrics.comparison import Interval
+from reproduction.claims.two_detectors import (
+    BOTH,
+    CHEAPER,
+    FAILS_ABOVE,
+    FAILS_BELOW,
+    HOLDS,
+    NOT_KNOWN,
+    ONE,
+    TOO_FEW,
+    UNDECIDED,
+)
+from reproduction.commands.experiments import at_catalogue_law
+from reproduction.tables import verdicts
+from reproduction.tables.common import results
+
+WIDE, AVIA = "ruby_plus", "livox_avia"
+FAST, SLOW = ("pointpillars", "centerpoint-pillar"), ("pv-rcnn", "dsvt")
+NETWORKS = (*FAST, *SLOW)
+SCENES = {"highway": "on the highway", "curve": "on the curve", "crossroad": "at the crossroad"}
+SETTINGS = {"paper": "the settings of the study", "datasheet": "the settings of the data sheets"}
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
+OPEN = (UNDECIDED, NOT_KNOWN)
+
+
+def known(condition: bool, sentence: str) -> str:
+    """Returns a sentence that the tables support. Raises Error if they do not."""
+    if not condition:
+        raise Error(f"expected tables of results/ that support a sentence, got: {sentence}")
+    return sentence
+
+
+def span(values: Iterable[float], digits: int = 0) -> str:
+    """Returns the least and greatest value, or one number if both are printed alike."""
+    least, most = (f"{end(values):.{digits}f}" for values in [list(values)] for end in (min, max))
+    return least if least == most else f"{least} to {most}"
+
+
+def joined(parts: Sequence[str]) -> str:
+    return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
+
+
+def within(changes: Iterable[Interval]) -> str:
+    """Returns the smallest limit, with one decimal, in which all intervals lie."""
+    far = max(max(abs(change.low), abs(change.high)) for change in changes)
+    return f"{math.ceil(10 * far - 1e-9) / 10:g}"
+
+
+def rows_of(claim: str, judge: str = "fine-tuned", subset: str = "captured") -> pd.DataFrame:
+    """Returns the rows of a claim with labels at scan time, by scene and preset."""
+    table = at_catalogue_law(results("claims"))
+    keep = (table.claim == claim) & (table["judge"] == judge) & (table.subset == subset)
+    return table[keep & (table.label_time == "scan")].set_index(["scene", "preset"])
+
+
+def where(rows: pd.DataFrame) -> str:
+    """Returns the scenes and settings of rows in words, by settings."""
+    parts = []
+    for preset, settings in SETTINGS.items():
+        scenes = [SCENES[s] for s in SCENES if (s, preset) in rows.index]
+        if scenes:
+            places = "in all three scenes" if len(scenes) == len(SCENES) else joined(scenes)
+            parts.append(f"{places} with {settings}")
+    return ", and ".join(parts)
+
+
+def by_verdict(claim: str, heads: Mapping[str, str]) -> str:
+    """Returns a sentence for each verdict of the fine-tuned detector that occurs in a claim.
+
+    heads: the sentence of each decided verdict, without the scenes and settings. A last sentence
+    says how many verdicts both detectors give.
+    """
+    rows = rows_of(claim)
+    parts = [
+        f"{head} {where(rows[rows.verdict == verdict])}."
+        for verdict, head in heads.items()
+        if (rows.verdict == verdict).any()
+    ]
+    if rows.verdict.isin(OPEN).any():
+        parts.append(f"This is not decided {where(rows[rows.verdict.isin(OPEN)])}.")
+    if unnamed := set(rows.verdict) - {*heads, *OPEN, TOO_FEW}:
+        raise Error(f"{claim}: expected a sentence for each verdict, got none for {unnamed}")
+    return " ".join([*parts, of_both(claim)])
+
+
+def of_both(claim: str) -> str:
+    """Returns a sentence on the verdicts of both detectors that decide."""
+    rows = rows_of(claim, BOTH)
+    count = (rows.verdict != ONE).sum()
+    decided = rows[~rows.verdict.isin([ONE, *OPEN])]
+    start = "These are verdicts of the fine-tuned detector."
+    if not count:
+        return f"{start} The second detector that decides was not measured."
+    listed = (f"`{verdict}` {where(part)}" for verdict, part in decided.groupby("verdict"))
+    end = "; ".join(listed) if len(decided) else "none is decided"
+    cases = f"{NUMBERS[count]} of {NUMBERS[len(rows)]} cases"
+    return f"{start} Both detectors that decide were measured in {cases}: {end}."
+
+
+def areas() -> str:
+    share = "share of high-quality areas"
+    rows = rows_of("areas")
+    undecided = rows[rows.verdict.isin(OPEN)]
+    halves = span((undecided.high - undecided.low) / 2)
+    text = by_verdict(
+        "areas",
+        {
+            FAILS_BELOW: f"The Avia (five at the crossroad) has a lower {share} than 128 lines",
+            HOLDS: f"The Avia has a higher {share} than 128 lines",
+        },
+    )
+    return f"{text} The undecided intervals are {halves} points to either side."
+
+
+def comparable() -> str:
+    captured, common = (rows_of("comparable", subset=s) for s in ("captured", "common"))
+    lower = {
+        (name, preset): span(-part.value.xs(preset, level="preset"), digits)
+        for name, part, digits in (("captured", captured, 0), ("common", common, 1))
+        for preset in SETTINGS
+    }
+    networks = rows_of("comparable", "from nothing").loc[[("highway", "paper")]]
+    networks = networks[networks.verdict != TOO_FEW]
+    worst, best = networks.low.min(), networks.high.max()
+    every = known(bool((captured.value < 0).all() & (common.value < 0).all()), "lower")
+    return (
+        "After fine-tuning, the Avia's AP with the settings of the study is "
+        f"{lower['captured', 'paper']} {every} than that of 128 lines. With the settings of the "
+        f"data sheets it is {lower['captured', 'datasheet']} lower. For vehicles that all LiDARs "
+        f"can see, these differences are {lower['common', 'paper']} and "
+        f"{lower['common', 'datasheet']}. Networks that are trained on the highway from random "
+        "weights, with the settings of the study, have a mean difference of at most "
+        f"{networks.value.abs().max():.1f}. Their intervals reach from {worst:.1f} to "
+        f"{best:.1f}. At the crossroad, five Avias replace one."
+    )
+
+
+def detector_decides() -> str:
+    networks = rows_of("comparable", "from nothing").loc[[("highway", "paper")]]
+    networks = networks[networks.verdict != TOO_FEW].set_index("detector")
+    names = {"pointpillars": "PointPillars", "pv-rcnn": "PV-RCNN", "dsvt": "DSVT"}
+    parts = [
+        f"`{verdict}` with {joined([names[str(name)] for name in part.index])}"
+        for verdict, part in networks.groupby("verdict", sort=False)
+    ]
+    return (
+        "**The detector decides.** The study trains its networks at the scene, from random "
+        f"weights. {joined([names[str(name)] for name in networks.index])} were trained in this "
+        "way on the highway, with the settings of the study. The AP of the Avia then differs from "
+        f"that of 128 lines by at most {networks.value.abs().max():.1f} on average. The verdict is "
+        f"{joined(parts)}. [Which detector?](detectors.md) compares them."
+    )
+
+
+def lines_64() -> str:
+    return by_verdict(
+        "64-below",
+        {
+            HOLDS: "The study finds that 64 lines are below the Avia. This holds",
+            FAILS_ABOVE: "64 lines are above the Avia",
+        },
+    )
+
+
+def distance() -> str:
+    heads = {
+        HOLDS: "With distance, the Avia's AP decreases less than that of the best spinning LiDAR",
+        FAILS_BELOW: "It decreases more",
+    }
+    return (
+        f"{by_verdict('gentle', heads)} A smaller decrease does not mean a higher AP: within "
+        "60 m, the Avia can be worse. At the crossroad, five Avias replace one."
+    )
+
+
+def value() -> str:
+    rows = rows_of("value", subset="present")
+    single = rows.drop(index="crossroad", level="scene")
+    five = rows.loc[["crossroad"]]
+    known(bool((single.verdict == FAILS_BELOW).all()), "a single Avia does not reach AP 80")
+    known(
+        bool((five.verdict == CHEAPER).all()), "five Avias reach AP 80, and so does a cheaper one"
+    )
+    return (
+        "A single Avia does not reach an AP of 80 on the highway or on the curve, because it sees "
+        "only one side. This AP is of all vehicles on both sides of the pole. At the crossroad, "
+        "five Avias reach it under both settings, but a cheaper LiDAR also does. These are "
+        "verdicts of the fine-tuned detector. The tables name the least expensive LiDAR that "
+        "reaches it."
+    )
+
+
+def detectors() -> str:
+    aps, seconds, times = verdicts.means_of_detectors("highway", "paper")
+    of_networks = [("from nothing", name) for name in NETWORKS]
+    tuned, background = ("fine-tuned", "generalist"), ("background", "background")
+    poor = ("from nothing", "pointrcnn")
+    others = aps.drop(index=[poor, background])[WIDE]
+    only = known(
+        aps[WIDE][poor] < aps[WIDE][background] < others.min(),
+        "Of all detectors, only PointRCNN has a lower AP than Background with 128 lines.",
+    )
+    fast, slow = ([times["from nothing", n] for n in names] for names in (FAST, SLOW))
+    return (
+        "On the highway with the settings of the study, PointPillars, CenterPoint-Pillar, PV-RCNN "
+        f"and DSVT have an AP of {span(aps.loc[of_networks].to_numpy().ravel())}. They are trained "
+        "there from random weights, and have it with 128 lines and with the Avia. PointPillars "
+        f"and CenterPoint-Pillar take {span(fast)} ms per frame, PV-RCNN and DSVT {span(slow)} "
+        f"ms. Fine-tuning the pretrained detector takes {seconds[tuned]:.0f} CPU s, and the "
+        f"training of PointPillars {seconds['from nothing', 'pointpillars']:.0f}. The fine-tuned "
+        f"detector has an AP of {aps[WIDE][tuned]:.0f} and {aps[AVIA][tuned]:.0f}. Background "
+        f"needs no labels and {times[background]:.0f} ms a frame, and has an AP of "
+        f"{aps[WIDE][background]:.0f} and {aps[AVIA][background]:.0f}. {only}"
+    )
+
+
+def points() -> str:
+    """Returns the ratio of points on far vehicles under each preset, with its interval."""
+    table = results("scanning_claims")
+    far = table[(table.claim == "far-range") & table.statement.str.contains(" common,")]
+    rows = far.set_index("preset")
+    low = known(
+        bool(rows.low["paper"] > 1 and (rows.high[["equal", "datasheet"]] < 1).all()),
+        "fewer",
+    )
+    return (
+        "On far vehicles, the Livox Avia has more points than the best of the other LiDARs under "
+        f"the settings of the study: {rows.value['paper']:.1f} times as many. These settings give "
+        f"it a longer range and no drop-off. It has {low} points at equal range "
+        f"({rows.value['equal']:.2f} times) and by the data sheets "
+        f"({rows.value['datasheet']:.2f} times)."
+    )
+
+
+def seeds() -> str:
+    halves = verdicts.half_widths()
+    tuned = halves["fine-tuned"]
+    known(bool((halves["background"] > tuned).all()), "Background needs more replicates")
+    return (
+        "With a fine-tuned detector and five replicates, the 95 % interval of the difference of "
+        f"two LiDARs is {tuned[5]:.1f} AP to either side. With three replicates it is "
+        f"{tuned[3]:.1f} AP. Background needs more replicates: with five, the interval is "
+        f"{halves['background'][5]:.1f} AP to either side."
+    )
