@@ -83,8 +83,8 @@ class Bag:
     def recording(self) -> Recording:
         contents = self.contents
         stamps, times = np.array(contents.stamps_ns), np.array(contents.times_ns)
-        # Some drivers do not set the stamp, or always write the same.
-        stamped = bool((stamps > 0).all() and len(np.unique(stamps)) > len(stamps) / 2)
+        # Some drivers do not set the stamp, or always write the same. A simulation begins at 0.
+        stamped = bool(stamps.max() > 0 and len(np.unique(stamps)) > len(stamps) / 2)
         seconds = (stamps if stamped else times) / 1e9
         notes = [] if stamped else ["stamps of clouds are not set: times of the bag are used"]
         pose, tilt = self._pose(notes)

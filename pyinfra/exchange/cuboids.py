@@ -1,4 +1,4 @@
-"""Reads the cuboids of an OpenLABEL file with a single frame.
+"""Reads the cuboids of OpenLABEL files with one frame, or with all frames of a recording.
 
 The ten numbers of a cuboid are x y z, quaternion x y z w, and length width height, in the frame of
 the cloud.
@@ -6,8 +6,8 @@ the cloud.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Iterator, Sequence
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
@@ -30,10 +30,61 @@ def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:
 
     Raises FormatError if the file has no single frame of objects.
     """
+    frames, types = _frames_and_types(file)
+    if len(frames) > 1:
+        raise FormatError(f"{file}: expected one frame in a label file, got {len(frames)} frames")
+    for frame in frames.values():
+        return _boxes(file, frame, types, ids)
+    return _boxes(file, {}, types, ids)
+
+
+def read_sequence(file: Path, clouds: Sequence[str]) -> dict[str, Boxes]:
+    """Reads the boxes of each cloud from a file with all frames of a recording.
+
+    `clouds` are the names of the clouds. A frame names its cloud by the `uri` of a stream, else by
+    its key. Raises FormatError for a frame without a cloud.
+    """
+    frames, types = _frames_and_types(file)
+    numbers = {int(name): name for name in clouds if name.isdecimal()}
+    ids: dict[str, int] = {}
+    out = {}
+    for key, frame in frames.items():
+        names = [PurePath(uri).stem for uri in _uris(frame)] + [key]
+        name = next((name for name in names if name in clouds), None)
+        if name is None and key.isdecimal():
+            name = numbers.get(int(key))
+        if name is None:
+            raise FormatError(f"{file}: frame {key}: expected a cloud {names[0]}, got none")
+        out[name] = _boxes(file, frame, types, ids)
+    return out
+
+
+def _uris(frame: dict[str, Any]) -> Iterator[str]:
+    properties = frame.get("frame_properties")
+    streams = properties.get("streams") if isinstance(properties, dict) else None
+    for stream in streams.values() if isinstance(streams, dict) else ():
+        if isinstance(stream, dict) and "uri" in stream:
+            yield str(stream["uri"])
+
+
+def _frames_and_types(file: Path) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
+    """Returns the frames by key, and the types of objects that are stated once for all frames."""
+    content = read_json(file)
+    try:
+        top = content["openlabel"]
+        frames = {key: dict(frame) for key, frame in top["frames"].items()}
+        listed = top.get("objects") or {}
+        types = {key: str(item["type"]) for key, item in listed.items() if "type" in item}
+    except (AttributeError, KeyError, TypeError, ValueError):
+        raise FormatError(f"{file}: expected openlabel.frames with objects, got none") from None
+    return frames, types
+
+
+def _boxes(file: Path, frame: dict[str, Any], types: dict[str, str], ids: dict[str, int]) -> Boxes:
     names, rows, track_ids, visibility = [], [], [], []
     left_out: list[str] = []
     unread: set[str] = set()
-    for key, data in _objects(file):
+    for key, data in _objects(file, frame):
         cuboid = data.get("cuboid")
         cuboid = cuboid[0] if isinstance(cuboid, list) and cuboid else cuboid
         cuboid = cuboid if isinstance(cuboid, dict) else {}
@@ -43,7 +94,7 @@ def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:
         except FormatError as error:
             left_out.append(str(error))
             continue
-        names.append(str(data.get("type") or "unknown"))
+        names.append(str(data.get("type") or types.get(key) or "unknown"))
         track_ids.append(ids.setdefault(key, len(ids)))
         visibility.append(_visibility(cuboid))
     boxes = np.array(rows, dtype=np.float64).reshape(-1, 7)
@@ -68,17 +119,12 @@ def _box(location: str, values: object) -> FloatArray:
     return checked_box(location, np.array([x, y, z, length, width, height, heading]))
 
 
-def _objects(file: Path) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yields key and object_data of each object of the single frame."""
-    content = read_json(file)
+def _objects(file: Path, frame: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yields key and object_data of each object of a frame."""
     try:
-        frames = list(content["openlabel"]["frames"].values())
-        objects = [item for frame in frames for item in frame.get("objects", {}).items()]
-        object_data = [(key, item["object_data"]) for key, item in objects]
+        object_data = [(k, item["object_data"]) for k, item in frame.get("objects", {}).items()]
     except (AttributeError, KeyError, TypeError):
         raise FormatError(f"{file}: expected openlabel.frames with objects, got none") from None
-    if len(frames) > 1:
-        raise FormatError(f"{file}: expected one frame in a label file, got {len(frames)} frames")
     for key, data in object_data:
         if not isinstance(data, dict):
             raise FormatError(f"{file}: object {key}: expected object_data, got none")
@@ -86,9 +132,16 @@ def _objects(file: Path) -> Iterator[tuple[str, dict[str, Any]]]:
 
 
 def _visibility(cuboid: dict[str, Any]) -> float:
+    """Returns the visible share: a number `visibility`, else by the text `occlusion_level`."""
     attributes = cuboid.get("attributes")
-    texts = attributes.get("text", []) if isinstance(attributes, dict) else []
-    for attribute in texts if isinstance(texts, list) else []:
-        if isinstance(attribute, dict) and attribute.get("name") == "occlusion_level":
-            return VISIBILITY.get(str(attribute.get("val")), 1.0)
+    attributes = attributes if isinstance(attributes, dict) else {}
+    for kind, name in (("num", "visibility"), ("text", "occlusion_level")):
+        entries = attributes.get(kind)
+        for entry in entries if isinstance(entries, list) else []:
+            if isinstance(entry, dict) and entry.get("name") == name:
+                value = entry.get("val")
+                if kind == "text":
+                    return VISIBILITY.get(str(value), 1.0)
+                if isinstance(value, int | float) and 0 <= value <= 1:
+                    return float(value)
     return 1.0

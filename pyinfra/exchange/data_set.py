@@ -283,9 +283,9 @@ def _lidar_yaml(
         "label_time": "scan",
         "period_s": _period_s(recording, facts),
         "T_world_levelled": {
-            "x_m": pose.x,
-            "y_m": pose.y,
-            "z_m": pose.z,
+            "x_m": float(pose.x),
+            "y_m": float(pose.y),
+            "z_m": float(pose.z),
             "yaw_deg": math.degrees(pose.yaw),
         },
         "T_levelled_sensor": {

@@ -27,6 +27,10 @@ class Format:
 
     export: str = ""
     read: str = ""
+    # Format that reads an export of this format; empty if there is none.
+    back: str = ""
+    # Packages that read or write the format, of the extra if it has one.
+    packages: str = ""
     extra: str = ""  # extra of pyproject.toml that installs the optional packages
     # Whether clouds of the format are level. None means that they are level if they have labels.
     level: bool | None = None
@@ -34,23 +38,28 @@ class Format:
     intensity_max: float | None = None
 
 
+LZF, MCAP = "python-neo-lzf", "mcap, mcap-ros2-support"
 FORMATS = {
-    "kitti": Format(export="kitti_export", read="kitti_folder"),
-    "openpcdet": Format(export="openpcdet", read="openpcdet"),
+    "kitti": Format(export="kitti_export", read="kitti_folder", back="kitti"),
+    "openpcdet": Format(export="openpcdet", read="openpcdet", back="openpcdet"),
     "mmdet3d": Format(export="mmdet3d"),
-    "pcd": Format(export="pcd", read="pcd", extra="exchange"),
-    "mcap": Format(export="mcap", extra="exchange"),
-    "nuscenes": Format(export="nuscenes", read="nuscenes_tables", level=True, intensity_max=255.0),
-    "openlabel": Format(export="openlabel"),
-    "bag": Format(read="bag", extra="bag"),
-    "pcap": Format(read="velodyne_packets", extra="pcap", level=False),
-    "las": Format(read="las", extra="las"),
+    "pcd": Format(export="pcd", read="pcd", back="pcd", packages=LZF, extra="exchange"),
+    "mcap": Format(export="mcap", back="bag", packages=MCAP, extra="exchange"),
+    "nuscenes": Format(
+        export="nuscenes", read="nuscenes_tables", back="nuscenes", level=True, intensity_max=255.0
+    ),
+    "openlabel": Format(export="openlabel", back="openpcdet"),
+    "bag": Format(read="bag", packages="rosbags", extra="bag"),
+    "pcap": Format(read="velodyne_packets", packages="velodyne-decoder", extra="pcap", level=False),
+    "las": Format(read="las", packages="laspy, lazrs", extra="las"),
     "ply": Format(read="ply"),
-    "csv": Format(read="csv_clouds"),
+    "csv": Format(read="csv_clouds", packages="pandas"),
     "bin": Format(read="bin_folder"),
-    "dair-v2x": Format(read="dair", extra="exchange", level=True, intensity_max=255.0),
-    "tumtraf": Format(read="tumtraf", extra="exchange", level=False),
-    "rcooper": Format(read="rcooper", extra="exchange", level=False),
+    "dair-v2x": Format(
+        read="dair", packages=LZF, extra="exchange", level=True, intensity_max=255.0
+    ),
+    "tumtraf": Format(read="tumtraf", packages=LZF, extra="exchange", level=False),
+    "rcooper": Format(read="rcooper", packages=LZF, extra="exchange", level=False),
 }
 EXPORTS = tuple(name for name, format in FORMATS.items() if format.export)
 IMPORTS = tuple(name for name, format in FORMATS.items() if format.read)

@@ -12,7 +12,7 @@ import numpy as np
 from pyinfra.core.arrays import IntArray
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.exchange.box_text import read_boxes
-from pyinfra.exchange.cuboids import read_cuboids
+from pyinfra.exchange.cuboids import read_cuboids, read_sequence
 from pyinfra.exchange.json_boxes import read_json, read_objects, track_digest
 from pyinfra.exchange.recording import (
     NO_BOXES,
@@ -27,6 +27,7 @@ from pyinfra.formats.box_csv import BoxTable, read_box_csv, rows_of_names
 
 FOLDERS = ("labels", "label")  # usual folders of labels in a recording
 CLOUD_FOLDERS = ("points", "", "lidar", "pcd", "pointclouds")  # usual folders of clouds
+MOST_JSON = 20  # files beside the clouds in which OpenLABEL is searched
 SUFFIXES = (".txt", ".json", ".csv")
 NO_TRACK = ("", "-1", "nan", "None")
 
@@ -69,13 +70,20 @@ def label_folder(source: Path) -> Path | None:
 def open_labels(clouds: list[Path], source: Path, options: Options) -> LabelFiles | None:
     """Opens the labels of clouds: `options.labels`, else those of the usual folder of `source`.
 
-    Labels are .txt or .csv files for each cloud, one .csv file with a column of frames, or .json
-    files of labelCloud, SUSTechPOINTS, OpenLABEL or DAIR-V2X. Returns None without labels. Raises
+    Labels are .txt or .csv files for each cloud, one .csv file with a column of frames, one
+    OpenLABEL file with all frames, or .json files of labelCloud, SUSTechPOINTS, OpenLABEL or
+    DAIR-V2X for each cloud. Returns None without labels. Raises
     Error for labels that do not pair with clouds, and FormatError for an unknown kind.
     """
-    place = options.labels or label_folder(source)
+    place = options.labels or label_folder(source) or _open_label(source)
     if place is None:
         return None
+    if place.is_file() and place.suffix.lower() == ".json":
+        by_cloud = read_sequence(place, [stem(cloud) for cloud in clouds])
+        digest = sha256(place.read_bytes()).hexdigest()[:16]
+        return LabelFiles(
+            clouds, lambda name: by_cloud.get(name, NO_BOXES), (place,), tracks_sha256=digest
+        )
     if place.is_file():
         return _of_one_csv(clouds, place, options)
     suffixes = _suffixes(place) or SUFFIXES[:1]
@@ -89,6 +97,17 @@ def open_labels(clouds: list[Path], source: Path, options: Options) -> LabelFile
     if suffixes[0] == ".csv":
         return _of_csv_files(clouds, files, options)
     return _of_json(clouds, files)
+
+
+def _open_label(source: Path) -> Path | None:
+    """Returns the only OpenLABEL file with all frames in a recording, as exports have it."""
+    files = sorted(source.glob("*.json")) if source.is_dir() else []
+    found = []
+    for file in files[:MOST_JSON]:
+        with file.open("rb") as stream:
+            if b'"openlabel"' in stream.read(200):
+                found.append(file)
+    return found[0] if len(found) == 1 else None
 
 
 def _suffixes(folder: Path) -> list[str]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from tokenize import TokenError
 
@@ -119,7 +120,7 @@ def _lowered(points: Points, height: float) -> Points:
 def _lowered_boxes(original: Boxes, height: float) -> Boxes:
     boxes = original.boxes.copy()
     boxes[:, 2] -= height
-    return Boxes(original.names, boxes)
+    return replace(original, boxes=boxes)
 
 
 def _write_cloud(file: Path, points: Points) -> None:

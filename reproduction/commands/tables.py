@@ -20,6 +20,7 @@ from pyinfra.core.errors import Error
 from reproduction import ROOT
 from reproduction.tables import (
     findings,
+    formats,
     frame_numbers,
     front_page,
     goals,
@@ -127,6 +128,8 @@ FRAMES: dict[str, Callable[[], str]] = {  # without the sentence on frames
     "frames of the results": frames_of_results,
     "steps": steps.steps,
     "other files": steps.others,
+    "formats": formats.formats,
+    "other formats": formats.other_formats,
 }
 
 

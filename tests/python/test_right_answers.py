@@ -21,6 +21,7 @@ from pyinfra.core.files import alone
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frame_sequence import FrameSequence
 from pyinfra.dataset.object_rows import BOX
+from pyinfra.exchange.formats import FORMATS
 from pyinfra.exchange.series import read_frames, read_series
 from pyinfra.experiments import store
 from pyinfra.formats import kitti
@@ -159,7 +160,15 @@ KEPT = {
     "pcd": ({"type", "id", "visibility"}, True),
     "nuscenes": ({"type", "visibility"}, False),  # ids are numbered again, but identify tracks
     "openpcdet": (set(), False),
+    "mcap": ({"type", "id"}, True),
+    "openlabel": ({"type", "visibility"}, False),  # as for nuscenes
 }
+ALL_OBJECTS = ("nuscenes", "mcap", "openlabel")  # also those without points
+NEW_IDS = ("nuscenes", "openlabel")
+
+
+def test_the_table_has_all_formats_that_are_read_back() -> None:
+    assert {name for name, format in FORMATS.items() if format.back} == set(KEPT)
 
 
 @pytest.mark.parametrize("layout", KEPT)
@@ -169,17 +178,17 @@ def test_a_round_trip_keeps_what_the_table_says(
     columns, fields = KEPT[layout]
     source = frames[:3].save(tmp_path / "source", format=layout)
     source = source / "helios_16" if layout == "kitti" else source
-    back = pi.import_recording(source, layout, tmp_path / "in/pole")
+    back = pi.import_recording(source, FORMATS[layout].back, tmp_path / "in/pole")
     assert len(back) == 3
     for ours, theirs in zip(frames[:3], back, strict=True):
         order = np.lexsort
-        one = ours.labels
-        two = theirs.labels if layout != "nuscenes" else theirs.objects
-        if layout == "nuscenes":
-            one = ours.objects
+        every = layout in ALL_OBJECTS
+        one, two = (f.objects if every else f.labels for f in (ours, theirs))
         one, two = (t.iloc[order((t.y.round(2), t.x.round(2)))] for t in (one, two))
         np.testing.assert_allclose(two[BOX[:6]], one[BOX[:6]], atol=2e-3)
         for column in columns:
+            if layout == "openlabel":  # an unknown visibility is not written
+                one = one.replace({"visibility": {-1.0: 1.0}})
             want = one[column].round(3).tolist() if column == "visibility" else one[column].tolist()
             got = two[column].round(3).tolist() if column == "visibility" else two[column].tolist()
             assert got == want, column
@@ -187,10 +196,11 @@ def test_a_round_trip_keeps_what_the_table_says(
             assert theirs.fields is None
         else:
             np.testing.assert_array_equal(theirs.fields, ours.fields)
-    if layout == "nuscenes":
+    if layout in NEW_IDS:
         known = back.objects.drop_duplicates(["frame", "id"])
         assert len(known) == len(back.objects)
         assert back.objects.id.nunique() == frames[:3].objects.id.nunique()
+    if layout == "nuscenes":
         everyone = [f.objects.visibility for f in (frames[:3], back)]
         assert (everyone[0] >= 0.2).sum() == (everyone[1] >= 0.2).sum()
 

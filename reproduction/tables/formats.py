@@ -1,0 +1,77 @@
+"""Tables of the formats that are read and written, from the code that reads and writes them."""
+
+from __future__ import annotations
+
+import tomllib
+
+from pyinfra.exchange.formats import FORMATS, Format
+from pyinfra.exchange.guess import FILES
+from pyinfra.exchange.label_files import SUFFIXES
+from pyinfra.scenes.maps import map_file
+from pyinfra.scenes.maps.mesh_import import ENDINGS
+from reproduction import ROOT
+
+# Endings of the files in formats that a folder shows; those of FILES are in the code.
+FOLDERS = {
+    **dict.fromkeys(("kitti", "bin"), ".bin"),
+    **dict.fromkeys(("pcd", "dair-v2x", "tumtraf", "rcooper"), ".pcd"),
+    "nuscenes": ".json, .pcd.bin",
+    "openpcdet": ".npy, .bin",
+    "mmdet3d": ".bin, .pkl",
+    "openlabel": ".json, .bin",
+    "mcap": ".mcap",
+}
+OWN = "NumPy"
+
+
+def _endings(names: tuple[str, ...]) -> str:
+    return ", ".join(names)
+
+
+def _library(format: Format) -> str:
+    extra = f" (extra `{format.extra}`)" if format.extra else ""
+    return f"{format.packages}{extra}" if format.packages else OWN
+
+
+def formats() -> str:
+    """A row for each format of recordings: read, written, read back, library, files."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extra = extras["optional-dependencies"].values()
+    known = " ".join(extras["dependencies"] + [word for words in extra for word in words])
+    lines = [
+        "| format | files | read | written | read back as | library |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, format in FORMATS.items():
+        for package in filter(None, format.packages.split(", ")):
+            assert package in known, f"{package} is no package of pyproject.toml"
+        files = FOLDERS.get(name) or _endings(FILES[name])
+        read, written = ("yes" if part else "no" for part in (format.read, format.export))
+        back = f"`{format.back}`" if format.back else "-"
+        cells = (f"`{name}`", files, read, written, back, _library(format))
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def other_formats() -> str:
+    """A row for each other kind of file that commands read."""
+    maps = {
+        ".xodr": "Eclipse SUMO (extra `site`)",
+        ".net.xml": "Eclipse SUMO (extra `site`)",
+        ".osm, .osm.xml": "Eclipse SUMO (extra `site`)",
+        f".osm{map_file.PBF}": "osmium, Eclipse SUMO (extras `pbf`, `site`)",
+    }
+    known = [ending for key in maps for ending in key.split(", ")]
+    assert set(map_file.FORMATS) <= set(known)
+    rows = [("maps", "pyinfra site import", files, library) for files, library in maps.items()]
+    rows += [
+        ("meshes", "pyinfra site mesh", _endings(ENDINGS), "trimesh (extra `site`)"),
+        ("tracks", "pyinfra site trajectories", ".csv, .xml of SUMO", OWN),
+        ("labels", "pyinfra import", _endings(SUFFIXES), OWN),
+        ("boxes of a detector", "pyinfra import --boxes-of", ".csv", OWN),
+        ("boxes of a detector", "pyinfra evaluate", ".txt, .csv", OWN),
+        ("beams of a LiDAR", "pyinfra lidars --from-table", ".json, .yaml, .xml, .csv", OWN),
+    ]
+    lines = ["| what | command | files | library |", "|---|---|---|---|"]
+    lines += [f"| {what} | `{command}` | {files} | {lib} |" for what, command, files, lib in rows]
+    return "\n".join(lines) + "\n"
