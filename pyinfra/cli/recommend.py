@@ -71,15 +71,17 @@ def run(args: argparse.Namespace) -> int:
     requirements = checked_requirements(args.budget_usd, args.min_ap, args.range_m, args.latency_ms)
     options = read_options(args.results, args.tier, args.scene, args.preset, requirements)
     first = options[0]
-    print(
+    answer = recommend(options, requirements)
+    asked = (
         f"{first.scene}, preset {first.preset}, {args.tier} tier: at most "
         f"{requirements.budget_usd:,.0f} USD, AP {requirements.min_ap:g} of "
         f"{COUNTED[first.whole]} {place_of(requirements.range_m)}, "
         f"{requirements.limits_text(option.frame_ms for option in options)} a frame."
     )
+    print(f"{asked} {answer.caveat}".rstrip())
     if names := ", ".join(sorted({option.detector for option in options if option.hardly_learnt})):
         text = "The smoke tier trains networks too little; do not use the AP of "
         print(f"{text}{names}.")
-    for line in answer_lines(recommend(options, requirements), requirements):
+    for line in answer_lines(answer, requirements):
         print(with_options(line, args.options))
     return 0

@@ -19,10 +19,10 @@ from pyinfra.core.machine_load import load_text
 from pyinfra.dataset.lidars import UNCONFIRMED
 from pyinfra.dataset.windows import REGION_M
 from pyinfra.experiments.coverage import ROAD
+from pyinfra.experiments.fairness import caveat_of_results
 from pyinfra.experiments.option_table import latency, option_table, price, price_range
 from pyinfra.experiments.options import Option
 from pyinfra.experiments.requirements import Requirements, place_of
-from pyinfra.experiments.result_tables import PRETRAINED
 from pyinfra.experiments.value import SITE_ITEMS
 from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.intervals import FEW_BLOCKS
@@ -43,6 +43,7 @@ class Answer:
     named: Sequence[Option]
     relax: Sequence[str]  # for each option, which requirements to change; empty if it meets all
     remarks: Sequence[str]
+    caveat: str  # by how much the pretrained detector is unfair to LiDARs; empty if it ranks none
 
 
 def recommend(options: Sequence[Option], requirements: Requirements) -> Answer:
@@ -51,12 +52,13 @@ def recommend(options: Sequence[Option], requirements: Requirements) -> Answer:
     options: one or more, of one scene and preset, ordered by AP.
     """
     table = option_table(options, requirements)
+    caveat = caveat_of_results((option.lidar, option.detector) for option in options)
     good = table[table.meets]
     if good.empty:
         near = nearest(table)
         rest = table.drop(near.index)
         remarks = [*general_notes(options, requirements), *left_out(options, rest)]
-        return Answer(False, [options[i] for i in near.index], [*near.relax], remarks)
+        return Answer(False, [options[i] for i in near.index], [*near.relax], remarks, caveat)
     named, more = good[:MOST], good[MOST:]
     before = table[: named.index[0]]  # options with a higher AP
     slow = before[before.meets_price & before.meets_ap & ~before.meets_latency]
@@ -65,7 +67,7 @@ def recommend(options: Sequence[Option], requirements: Requirements) -> Answer:
     if len(more):
         others = names(options[i] for i in more.index)
         remarks.insert(0, f"Further options that meet the requirements: {others}.")
-    return Answer(True, [options[i] for i in named.index], [*named.relax], remarks)
+    return Answer(True, [options[i] for i in named.index], [*named.relax], remarks, caveat)
 
 
 def answer_lines(answer: Answer, requirements: Requirements) -> Iterator[str]:
@@ -144,7 +146,6 @@ def general_notes(options: Sequence[Option], requirements: Requirements) -> Iter
         why = f"{FEW_BLOCKS}, or the table has no intervals"
         yield f"No interval is available for the AP of {names(unknown)}: {why}."
     yield from replicates_note(options)
-    yield from pretrained_note(options)
     yield from (f"{text}." for text in dict.fromkeys(o.other_frames for o in options) if text)
     yield from cost_notes(options[0])
     yield from price_notes(options)
@@ -160,18 +161,6 @@ def replicates_note(options: Iterable[Option]) -> Iterator[str]:
                     f"In replicates with other traffic, the AP of {option.name} "
                     f"less that of {other} is {with_interval(difference)}."
                 )
-
-
-def pretrained_note(options: Sequence[Option]) -> Iterator[str]:
-    """Yields a remark if the pretrained detector ranks LiDARs without further training."""
-    lidars = {option.lidar for option in options if option.detector == PRETRAINED}
-    if len(lidars) > 1:
-        yield (
-            f"{PRETRAINED} is the pretrained detector without further training. It is more "
-            "accurate with LiDARs of a wide field of view, because most of its training frames "
-            "were theirs. Before you rank LiDARs by AP, repeat the benchmark with the detector "
-            "`generalist`, which is trained further with each LiDAR."
-        )
 
 
 def latency_note(options: Iterable[Option]) -> str:

@@ -170,12 +170,15 @@ def main() -> None:
 def with_errors(plain: dict[str, dict[str, Any]], table: pd.DataFrame) -> dict[str, dict[str, Any]]:
     """Returns the content of the file of the laws with the errors at unseen sites.
 
-    table: rows of `check.check_table`. The gains by fine-tuning are those of `fairness.csv`.
+    table: rows of `check.check_table`. The gains by fine-tuning are those of
+    `experiments.csv`, and of `fairness.csv` for other LiDARs.
     """
     for detector, law in plain.items():
         law["unseen_std"] = check.unseen_std(table[table.detector == detector])
-    gains = check.fine_tuning_ap(pd.read_csv(ROOT / "results/fairness.csv"))
-    plain["generalist"]["fine_tuning_ap"] = gains
+    fairness, experiments = (
+        pd.read_csv(ROOT / f"results/{name}.csv") for name in ("fairness", "experiments")
+    )
+    plain["generalist"]["fine_tuning_ap"] = check.fine_tuning_ap(fairness, experiments)
     return plain
 
 

@@ -20,6 +20,7 @@ from pyinfra.dataset.catalogue import lidar_file
 from pyinfra.dataset.simulation import load_lidar
 from pyinfra.experiments.planner import detectability as laws
 from pyinfra.metrics.comparison import over_replicates
+from reproduction.commands.experiments import at_catalogue_law, at_own_cut_angle
 from reproduction.detectability import empty_scene
 from reproduction.detectability.runs import (
     CHECK_SEEDS,
@@ -141,12 +142,26 @@ def unseen_std(table: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def fine_tuning_ap(table: pd.DataFrame) -> dict[str, float]:
-    """Returns the mean AP that 120 steps of fine-tuning add, by LiDAR, from rows of `fairness`."""
-    keys = ["lidar", "site", "preset", "seed"]
-    wide = table.groupby([*keys, "arm"]).ap_r1000.mean().unstack("arm").dropna()
-    gains = (wide.tuned_120 - wide.none).groupby("lidar").mean()
+def fine_tuning_ap(fairness: pd.DataFrame, experiments: pd.DataFrame) -> dict[str, float]:
+    """Returns the AP that 120 steps of fine-tuning add with preset `datasheet`, by LiDAR.
+
+    A LiDAR of the experiments has the mean over their scenes, because these have replicates. Others
+    have the gain of `fairness`.
+    """
+    fairness = fairness.replace({"arm": {"none": "pretrained", "tuned_120": "fine-tuned"}})
+    fairness = fairness.rename(columns={"arm": "judge", "site": "scene"})
+    rows = at_catalogue_law(at_own_cut_angle(experiments))
+    rows = rows[(rows.subset == "captured") & (rows.label_time == "scan")]
+    gains = pd.concat([_gains(rows), _gains(fairness)])
+    gains = gains[~gains.index.duplicated()].sort_index()
     return {str(name): round(float(gain), 1) for name, gain in gains.items()}
+
+
+def _gains(rows: pd.DataFrame) -> pd.Series:
+    """Returns the fine-tuned less the pretrained AP of each LiDAR, as the mean over scenes."""
+    rows = rows[rows.preset == "datasheet"]
+    wide = rows.groupby(["lidar", "scene", "judge"]).ap_r1000.mean().unstack("judge")
+    return (wide["fine-tuned"] - wide["pretrained"]).dropna().groupby("lidar").mean()
 
 
 def summary(table: pd.DataFrame) -> Iterator[dict[str, object]]:

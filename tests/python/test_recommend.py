@@ -4,7 +4,6 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -16,7 +15,7 @@ from pyinfra.cli import main
 from pyinfra.core.machine_load import OtherLoad
 from pyinfra.experiments.benchmark import measure
 from pyinfra.experiments.benchmark.measure import latency_columns
-from pyinfra.experiments.recommend import pretrained_note
+from pyinfra.experiments.fairness import caveat, caveat_of_results, measured_gains
 from pyinfra.experiments.requirements import unlike
 from pyinfra.experiments.result_tables import AS_THEY_COME, hardly_learnt
 from pyinfra.experiments.value import KEY
@@ -24,6 +23,8 @@ from pyinfra.metrics.row_selection import preset_of_answers
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.viz.report import contents
 from pyinfra.viz.report.report_data import read_material
+from reproduction.detectability.check import fine_tuning_ap
+from reproduction.tables.common import results as table_of
 
 
 def along_the_road() -> pd.DataFrame:
@@ -183,8 +184,27 @@ def test_a_lidar_that_looks_one_way_does_not_win_by_what_it_captures(
 def test_rankings_by_the_pretrained_detector_are_warned_of(
     detector: str, lidars: tuple[str, ...], warned: bool
 ) -> None:
-    options = [SimpleNamespace(detector=detector, lidar=lidar) for lidar in lidars]
-    assert any(pretrained_note(options)) == warned  # type: ignore[arg-type]
+    assert bool(caveat_of_results((lidar, detector) for lidar in lidars)) == warned
+
+
+def test_the_first_line_says_by_how_much_the_pretrained_detector_is_unfair(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for file in results.glob("quick*.csv"):
+        file.write_text(file.read_text().replace("pv-rcnn", "generalist-as-is"))
+    first = output_lines(capsys, results, "--budget", 8000)[0]
+    gain = measured_gains()["livox_avia"]
+    assert "fine-tuning adds more AP to LiDARs with few lines or a narrow view" in first
+    assert f"{gain:g} for livox_avia" in first
+
+
+def test_the_caveat_has_the_gains_of_the_tables() -> None:
+    gains = fine_tuning_ap(*(table_of(name) for name in ("fairness", "experiments")))
+    assert measured_gains() == gains
+    narrow_or_few_lines = {"livox_avia", "bundle_5_livox_avia", "livox_horizon", "helios_16"}
+    least = min(gains[name] for name in narrow_or_few_lines)
+    assert least > max(gain for name, gain in gains.items() if name not in narrow_or_few_lines)
+    assert caveat(["own"], gains).endswith("; not measured for own.")
 
 
 def test_real_time_is_asked_unless_another_latency_is(

@@ -13,6 +13,7 @@ import pandas as pd
 
 from pyinfra.dataset import simulation
 from pyinfra.dataset.frames_version import other_frames
+from pyinfra.experiments.fairness import caveat
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.choice import Choice, Units, most_units
 from pyinfra.experiments.planner.costs import CORES, Costs, Range
@@ -69,7 +70,7 @@ def answer_of(
     line on prices, and one on failures, rain and yaw. frames: those that were simulated.
     """
     lines = [
-        f"{asked(site, request)}{fairness(law, rows)}",
+        f"{asked(site, request)} {caveat(rows.lidar, law.gains)}".rstrip(),
         *verdict_lines(options, request, frames),
         *(
             f"{i}. {sentence(one, rows[rows.option == i], request)}"
@@ -107,19 +108,6 @@ def asked(site: PlanSite, request: Request) -> str:
         f"{request.detector}: {100 * request.find:g} of 100 vehicles within {request.within_m:g} m "
         f"of the centre in a frame{false}; at most {usd(request.budget_usd)} over "
         f"{request.years:g} years and {poles}.{weighed}"
-    )
-
-
-def fairness(law: Detectability, rows: pd.DataFrame) -> str:
-    """Returns by how much the detector is unfair to the LiDARs of the options."""
-    if not law.gains:
-        return ""
-    known = {name: law.gains[name] for name in dict.fromkeys(rows.lidar) if name in law.gains}
-    texts = [f"{gain:g} for {name}" for name, gain in known.items()]
-    measured = f"; measured on one scene, AP: {', '.join(texts)}" if texts else ""
-    return (
-        " The pretrained detector is not equally good for all LiDARs: fine-tuning adds more AP to "
-        f"LiDARs with few lines or a narrow view{measured}."
     )
 
 

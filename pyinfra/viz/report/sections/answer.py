@@ -8,6 +8,7 @@ import pandas as pd
 
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.benchmark.replicates import ExperimentReplicates
+from pyinfra.experiments.fairness import caveat_of_results
 from pyinfra.experiments.requirements import frame_ms
 from pyinfra.experiments.result_tables import AS_THEY_COME
 from pyinfra.metrics.row_selection import AP_OF, COUNTED, ap_name
@@ -49,13 +50,14 @@ def section(material: Material) -> Section | None:
             _sentence(material, rows[rows.scene == s]) for s in scenes if s not in of_user
         ]
         blocks += _of_purposes(material, others)
+    caveat = caveat_of_results(zip(done.lidar, done.detector, strict=True))
     if alone:
-        return Section("answer", TITLE, sentences[0], blocks)
+        return Section("answer", TITLE, f"{sentences[0]} {caveat}".rstrip(), blocks)
     if len(others) > 0:
         lead = _overall(material, material.of_answers(done))
     else:
         lead = recommendation.overall(material, answers)
-    return Section("answer", TITLE, lead, [*map(Text, sentences), *blocks])
+    return Section("answer", TITLE, f"{lead} {caveat}".rstrip(), [*map(Text, sentences), *blocks])
 
 
 def _of_purposes(material: Material, done: pd.DataFrame) -> list[Block]:

@@ -1,0 +1,41 @@
+"""By how much the pretrained detector is unfair to LiDARs: the AP that fine-tuning adds to each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from pyinfra.experiments.planner.detectability import read_detectability
+from pyinfra.experiments.result_tables import PRETRAINED
+
+
+def measured_gains() -> dict[str, float]:
+    """Returns the AP that fine-tuning adds by LiDAR, as the study measured it."""
+    return read_detectability("generalist").gains
+
+
+def caveat(lidars: Iterable[str], gains: Mapping[str, float]) -> str:
+    """Returns by how much a ranking of LiDARs by the pretrained detector is unfair to them.
+
+    gains: AP that fine-tuning adds, by LiDAR, of those that were measured. Without any, the text is
+    empty.
+    """
+    names = list(dict.fromkeys(lidars))
+    if not gains:
+        return ""
+    known = [f"{gains[name]:g} for {name}" for name in names if name in gains]
+    others = [name for name in names if name not in gains]
+    measured = f"; measured with preset datasheet, AP: {', '.join(known)}" if known else ""
+    unknown = f"; not measured for {', '.join(others)}" if others else ""
+    return (
+        "The pretrained detector is not equally good for all LiDARs: fine-tuning adds more AP to "
+        f"LiDARs with few lines or a narrow view{measured}{unknown}."
+    )
+
+
+def caveat_of_results(pairs: Iterable[tuple[str, str]]) -> str:
+    """Returns the caveat for results of the pretrained detector with several LiDARs, else "".
+
+    pairs: LiDAR and detector of each result
+    """
+    lidars = list(dict.fromkeys(lidar for lidar, detector in pairs if detector == PRETRAINED))
+    return caveat(lidars, measured_gains()) if len(lidars) > 1 else ""
