@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -13,7 +14,7 @@ import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.core.names import StrPath, path_of
-from pyinfra.core.public import public
+from pyinfra.core.public import CALLER, public
 from pyinfra.core.vocabulary import Tier
 from pyinfra.dataset.frame_sequence import FrameSequence
 from pyinfra.dataset.sequence_folder import on_disk
@@ -257,7 +258,7 @@ def statistics(
 
 @public()
 def propose_region(data: FrameSequence | StrPath, out: StrPath | None = None) -> Proposal:
-    """Proposes an outline of the road from the moving vehicles of a recording of 30 s or more.
+    """Proposes an outline of the road from the moving vehicles of a recording of 10 s or more.
 
     Parameters
     ----------
@@ -266,8 +267,9 @@ def propose_region(data: FrameSequence | StrPath, out: StrPath | None = None) ->
 
     Returns
     -------
-    Proposal : with the attributes `corners` (m, 2) in the levelled LiDAR frame, metres, which is an
-        argument `region` of `detect`; `area_m2`, `vehicles`, `inside_share` and `moving_share`
+    Proposal : an argument `region` of `detect`, and a polygon for `shapely.geometry.shape`, in the
+        levelled LiDAR frame, metres. Its attributes are `corners` (m, 2) of the largest outline,
+        `area_m2`, `vehicles`, `inside_share` and `moving_share`
 
     Raises
     ------
@@ -281,17 +283,27 @@ def propose_region(data: FrameSequence | StrPath, out: StrPath | None = None) ->
     ...     pi.propose_region(frames)
     ... except pi.Error as error:
     ...     print(str(error).partition(": ")[2])
-    expected a recording of 30 s or more, got 1.8 s
+    expected a recording of 10 s or more, got 1.8 s
     """
-    from pyinfra.models.inference.region_proposal import propose_of_folder, write_outline
+    from pyinfra.models.inference.region_proposal import (
+        SHORT_S,
+        propose_of_folder,
+        write_outline,
+    )
 
     file = None if out is None else path_of(out, "out")
     if file is not None and file.suffix not in (".yaml", ".yml"):
         raise Error(f"out: expected a .yaml file, got {file}")
     with _folders(data, of_lidar=True) as (folder,):
         proposal = propose_of_folder(folder)
+    if proposal.seconds < SHORT_S:
+        warnings.warn(
+            f"the recording has {proposal.seconds:g} s: lanes without a vehicle in this time are "
+            f"missing in the outline; {SHORT_S:g} s or more are better",
+            stacklevel=CALLER,
+        )
     if file is not None:
-        write_outline(file, proposal.corners)
+        write_outline(file, proposal.drawn)
     return proposal
 
 

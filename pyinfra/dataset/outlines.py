@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +76,49 @@ def in_outline(outline: FloatArray, points: FloatArray, margin_m: float) -> Bool
 
     Uses the even-odd rule.
     """
+    inside, near = _inside_and_near(outline, points, margin_m)
+    return inside | near
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """An area that a user drew: outlines, each (m, 2), without holes, each (k, 2)."""
+
+    outlines: tuple[FloatArray, ...]
+    holes: tuple[FloatArray, ...] = ()
+
+    def holds(self, points: FloatArray, margin_m: float = 0.0) -> BoolArray:
+        """Returns which points (n, 2 or more) lie in the area or within `margin_m` of it.
+
+        A margin makes holes smaller. Outlines may overlap, and a hole counts for all of them.
+        """
+        held = in_any(self.outlines, points, margin_m)
+        for hole in self.holes:
+            inside, near = _inside_and_near(hole, points, margin_m)
+            held &= ~inside | near
+        return held
+
+    @property
+    def corners(self) -> FloatArray:
+        """All corners of the outlines, (n, 2)."""
+        return np.concatenate(self.outlines)
+
+    @property
+    def area_m2(self) -> float:
+        """The area of the outlines minus that of the holes."""
+        return sum(map(area, self.outlines)) - sum(map(area, self.holes))
+
+
+def area(outline: FloatArray) -> float:
+    """Returns the area of an outline (m, 2) whose sides do not cross."""
+    x, y = outline.T
+    return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
+
+
+def _inside_and_near(
+    outline: FloatArray, points: FloatArray, margin_m: float
+) -> tuple[BoolArray, BoolArray]:
+    """Returns which points lie in an outline, and which are within `margin_m` of its sides."""
     inside = np.zeros(len(points), np.bool_)
     near = np.zeros(len(points), np.bool_)
     for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
@@ -84,4 +128,4 @@ def in_outline(outline: FloatArray, points: FloatArray, margin_m: float) -> Bool
             inside ^= crosses & (x < y / up * ahead)
         along = np.clip((x * ahead + y * up) / max(ahead**2 + up**2, 1e-12), 0, 1)
         near |= np.hypot(x - along * ahead, y - along * up) <= margin_m
-    return inside | near
+    return inside, near

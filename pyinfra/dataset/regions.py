@@ -7,10 +7,11 @@ outlines. If no roads are known, a user's outline may define the region.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -19,7 +20,7 @@ from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.config import read_config, ruled
 from pyinfra.core.errors import Error
 from pyinfra.dataset.frames import data_set_of
-from pyinfra.dataset.outlines import first_crossing, in_outline, read_outlines
+from pyinfra.dataset.outlines import Drawn, area, first_crossing, read_outlines
 from pyinfra.dataset.roads import Road, locate, offset_curve, read_roads
 from pyinfra.dataset.world_frame import to_levelled, to_world
 from pyinfra.formats.kitti import WorldPose
@@ -47,24 +48,94 @@ class Region:
     axes: Callable[[FloatArray], FloatArray] | None = None
 
 
+Corners = tuple[tuple[float, float], ...]
+
+
 @dataclass(frozen=True)
 class Outline:
     """The content of a YAML file with an outline drawn by the user, in the levelled LiDAR frame."""
 
-    # Corners x y, in order.
-    outline_m: tuple[tuple[float, float], ...] = ruled(low=-1e4, high=1e4)
+    # Corners x y, in order, of an area with one outline.
+    outline_m: tuple[tuple[float, float], ...] = ruled(default=(), low=-1e4, high=1e4)
+    # Corners of each outline of an area with several outlines.
+    outlines_m: tuple[Corners, ...] = ruled(default=(), low=-1e4, high=1e4)
+    # Corners of each hole in the area.
+    holes_m: tuple[Corners, ...] = ruled(default=(), low=-1e4, high=1e4)
 
     def __post_init__(self) -> None:
-        if len(self.outline_m) < 3:
-            raise Error(f"outline_m: expected 3 or more corners, got {len(self.outline_m)}")
-        x, y = np.transpose(self.outline_m)
-        if abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) == 0:
-            raise Error("outline_m: expected an outline with an area, got none")
-        if (crossing := first_crossing(np.array(self.outline_m))) is not None:
-            a, b = crossing
-            raise Error(
-                f"outline_m: expected sides that do not cross, got side {a + 1} across side {b + 1}"
-            )
+        if not self.outline_m and not self.outlines_m:
+            raise Error("expected `outline_m` or `outlines_m`, got neither")
+        if self.outline_m:
+            _check_outline("outline_m", self.outline_m)
+        for key in ("outlines_m", "holes_m"):
+            for i, corners in enumerate(getattr(self, key)):
+                _check_outline(f"{key}.{i}", corners)
+
+    @property
+    def drawn(self) -> Drawn:
+        outlines = (*((self.outline_m,) if self.outline_m else ()), *self.outlines_m)
+        return Drawn(tuple(map(np.array, outlines)), tuple(map(np.array, self.holes_m)))
+
+
+def _check_outline(key: str, corners: Corners) -> None:
+    if len(corners) < 3:
+        raise Error(f"{key}: expected 3 or more corners, got {len(corners)}")
+    if area(np.array(corners)) == 0:
+        raise Error(f"{key}: expected an outline with an area, got none")
+    if (crossing := first_crossing(np.array(corners))) is not None:
+        a, b = crossing
+        raise Error(
+            f"{key}: expected sides that do not cross, got side {a + 1} across side {b + 1}"
+        )
+
+
+def drawn_of(value: object) -> Drawn:
+    """Returns the area of corners (m, 2), a dict with the keys of `Outline`, or a polygon.
+
+    A polygon is an object with `__geo_interface__` of type Polygon or MultiPolygon, such as those
+    of shapely. Raises Error for another value.
+    """
+    geometry = getattr(value, "__geo_interface__", None)
+    if isinstance(geometry, Mapping):
+        value = _of_geometry(geometry)
+    if not isinstance(value, Mapping):
+        return Outline(outline_m=_pairs("corners", value)).drawn
+    unknown = set(value) - {"outline_m", "outlines_m", "holes_m"}
+    if unknown:
+        raise Error(f"expected outline_m, outlines_m and holes_m, got {min(map(str, unknown))}")
+    return Outline(
+        _pairs("outline_m", value.get("outline_m", np.empty((0, 2)))),
+        tuple(_pairs("outlines_m", ring) for ring in value.get("outlines_m", ())),
+        tuple(_pairs("holes_m", ring) for ring in value.get("holes_m", ())),
+    ).drawn
+
+
+def _of_geometry(geometry: Mapping[str, Any]) -> dict[str, Any]:
+    parts = {"Polygon": 1, "MultiPolygon": 2}.get(str(geometry.get("type")), 0)
+    if not parts:
+        raise Error(f"expected a Polygon or MultiPolygon, got {geometry.get('type')}")
+    rings = geometry["coordinates"]
+    polygons = [rings] if parts == 1 else list(rings)
+    return {
+        "outlines_m": [_open(polygon[0]) for polygon in polygons],
+        "holes_m": [_open(ring) for polygon in polygons for ring in polygon[1:]],
+    }
+
+
+def _open(ring: Sequence[Sequence[float]]) -> list[tuple[float, ...]]:
+    """Returns the corners of a ring without the last one, which repeats the first."""
+    corners = [tuple(corner[:2]) for corner in ring]
+    return corners[:-1] if len(corners) > 1 and corners[0] == corners[-1] else corners
+
+
+def _pairs(name: str, value: object) -> Corners:
+    try:
+        corners = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise Error("expected an array (m, 2) of corners, got something else") from None
+    if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
+        raise Error(f"expected {name} (m, 2), all finite, got an array {corners.shape}")
+    return tuple((float(x), float(y)) for x, y in corners)
 
 
 def roads_region(roads: list[Road], pose: WorldPose, outlines: Sequence[FloatArray] = ()) -> Region:
@@ -126,8 +197,8 @@ def region_of(lidar_folder: Path, pose: WorldPose) -> Region | None:
     data_set = data_set_of(lidar_folder)
     if (roads := data_set / "roads.csv").is_file():
         return roads_region(read_roads(roads), pose, read_outlines(data_set))
-    corners = drawn_outline(lidar_folder)
-    return None if corners is None else region_within(corners)
+    drawn = drawn_outline(lidar_folder)
+    return None if drawn is None else region_within(drawn)
 
 
 def outline_region(file: Path) -> Region:
@@ -135,21 +206,21 @@ def outline_region(file: Path) -> Region:
     return region_within(read_outline(file))
 
 
-def region_within(corners: FloatArray) -> Region:
-    """Returns the region inside an outline with corners (m, 2), metres, levelled LiDAR frame."""
-    return Region(partial(in_outline, corners), corners)
+def region_within(drawn: Drawn) -> Region:
+    """Returns the region inside an area, metres, levelled LiDAR frame."""
+    return Region(drawn.holds, drawn.corners)
 
 
-def drawn_outline(lidar_folder: Path) -> FloatArray | None:
-    """Reads the user's outline (m, 2) in a LiDAR's folder.
+def drawn_outline(lidar_folder: Path) -> Drawn | None:
+    """Reads the area that the user drew from a LiDAR's folder.
 
-    The outline is in the levelled frame. Returns None if the folder has no outline file. Raises
+    The area is in the levelled frame. Returns None if the folder has no outline file. Raises
     ConfigError with file, line and key.
     """
     file = lidar_folder / REGION_FILE
     return read_outline(file) if file.is_file() else None
 
 
-def read_outline(file: Path) -> FloatArray:
-    """Reads the corners (m, 2) of an `Outline` file. Raises ConfigError with file, line and key."""
-    return np.array(read_config(file, Outline).outline_m, dtype=np.float64)
+def read_outline(file: Path) -> Drawn:
+    """Reads the area of an `Outline` file. Raises ConfigError with file, line and key."""
+    return read_config(file, Outline).drawn

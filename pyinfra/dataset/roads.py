@@ -15,7 +15,7 @@ import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, Floats, IntArray
 from pyinfra.core.errors import FormatError
-from pyinfra.dataset.outlines import in_any
+from pyinfra.dataset.outlines import Drawn, in_any
 from pyinfra.formats.text_table import ColumnRule, between, lines_of, rows_by_name
 
 _MOST_STEPS = 1.5  # the longest step of a road, in median steps
@@ -133,16 +133,14 @@ def _near(points: FloatArray, road: Road, margin_m: float) -> BoolArray:
     return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
 
-def by_distance(
-    points: FloatArray, outline: FloatArray | None = None, *, margin_m: float = 0.0
-) -> Places:
+def by_distance(points: FloatArray, drawn: Drawn | None = None, *, margin_m: float = 0.0) -> Places:
     """Assigns points to a single unnamed road whose s is the distance from the sensor.
 
-    The points (n, 2 or more) are in the levelled frame. Points that are outside the outline (m, 2)
-    by more than the margin are outside the region.
+    The points (n, 2 or more) are in the levelled frame. Points that are outside the drawn area by
+    more than the margin are outside the region.
     """
     xy = points[:, :2]
-    inside = in_any(() if outline is None else (outline,), xy, margin_m)
+    inside = np.ones(len(xy), np.bool_) if drawn is None else drawn.holds(xy, margin_m)
     s = np.where(inside, np.hypot(xy[:, 0], xy[:, 1]), np.nan)
     return Places(np.where(inside, 0, -1), s, xy)
 

@@ -17,7 +17,7 @@ from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
 from pyinfra.dataset.frame_tables import Vehicles
 from pyinfra.dataset.frames import PERIOD_S, data_set_of, frame_numbers
-from pyinfra.dataset.outlines import read_outlines
+from pyinfra.dataset.outlines import Drawn, read_outlines
 from pyinfra.dataset.roads import Places, Road, by_distance, locate, read_roads
 from pyinfra.dataset.trajectories import read_objects_at
 from pyinfra.dataset.windows import (
@@ -46,7 +46,7 @@ class GroundTruth:
     neighbours: tuple[tuple[kitti.Lidar, kitti.Tilt], ...]  # all LiDARs of the data set
     roads: tuple[Road, ...]  # empty if the data set has no roads.csv
     outlines: tuple[FloatArray, ...]  # outlines that narrow the region, world frame
-    drawn: FloatArray | None  # (m, 2) outline of a region without roads, levelled LiDAR frame
+    drawn: Drawn | None  # area of a region without roads, levelled LiDAR frame
     of_lanes: bool  # whether each road is one lane, read from a file of lanes
     versions: tuple[str, str] | None = None  # frames_version and version, for frames in memory
 

@@ -110,6 +110,8 @@ def bird_view(
     """
     for outline in view.region:
         axes.add_patch(Polygon(outline, color=REGION_COLOUR, zorder=0))
+    for hole in view.holes:
+        axes.add_patch(Polygon(hole, color="white", zorder=0))
     points = view.points[window.holds(view.points[:, :2])]
     height = points[:, 2] - view.road_z
     grey = np.clip(np.round(0.65 - 0.65 * height / DARKEST_M, 1), 0.0, 0.65)

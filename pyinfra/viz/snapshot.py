@@ -8,6 +8,7 @@ import numpy as np
 from pyinfra.core.arrays import BoolArray, FloatArray, Points
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset import regions
+from pyinfra.dataset.outlines import Drawn
 from pyinfra.dataset.roads import read_roads
 from pyinfra.dataset.world_frame import to_levelled
 from pyinfra.formats import kitti
@@ -22,6 +23,7 @@ class Snapshot:
     points: Points  # (n, 4)
     objects: kitti.Objects
     region: tuple[FloatArray, ...]  # outlines (n, 2) of the evaluation region, if known
+    holes: tuple[FloatArray, ...]  # outlines (n, 2) of holes in the region
     road_z: float  # z of the road
 
     def counts(self) -> str:
@@ -39,24 +41,26 @@ class Snapshot:
 def read_snapshot(lidar_folder: Path, frame: int) -> Snapshot:
     """Reads a frame. Raises OSError, and the exceptions of the readers in pyinfra.formats.kitti."""
     lidar = kitti.read_lidar(lidar_folder)
-    outlines, road_z = _region(lidar_folder, lidar)
+    region, road_z = _region(lidar_folder, lidar)
     return Snapshot(
         scene=lidar_folder.parent.name,
         lidar=lidar,
         points=kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", frame)),
         objects=kitti.read_objects(kitti.frame_file(lidar_folder, "objects", frame)),
-        region=outlines,
+        region=region.outlines,
+        holes=region.holes,
         road_z=road_z,
     )
 
 
-def _region(lidar_folder: Path, lidar: kitti.Lidar) -> tuple[tuple[FloatArray, ...], float]:
-    """Returns the outlines of the roads, or of a recording's region file, and the z of the road."""
+def _region(lidar_folder: Path, lidar: kitti.Lidar) -> tuple[Drawn, float]:
+    """Returns the area of the roads, or of a recording's region file, and the z of the road."""
     outline = lidar_folder / regions.REGION_FILE
     if lidar.preset != kitti.RECORDED or (lidar_folder.parent / "roads.csv").is_file():
         pose = lidar.T_world_levelled
         roads = read_roads(lidar_folder.parent / "roads.csv")
         outlines = [to_levelled(road.outline, pose) for road in roads]
-        return tuple(outlines), float(np.concatenate([road.z for road in roads]).mean() - pose.z)
-    drawn = (regions.read_outline(outline),) if outline.is_file() else ()
+        road_z = float(np.concatenate([road.z for road in roads]).mean() - pose.z)
+        return Drawn(tuple(outlines)), road_z
+    drawn = regions.read_outline(outline) if outline.is_file() else Drawn(())
     return drawn, -lidar.T_world_levelled.z

@@ -7,8 +7,9 @@ import tomllib
 from pyinfra.exchange.formats import FORMATS, Format
 from pyinfra.exchange.guess import FILES
 from pyinfra.exchange.label_files import SUFFIXES
-from pyinfra.scenes.maps import map_file
+from pyinfra.scenes.maps.map_file import FORMATS as MAPS
 from pyinfra.scenes.maps.mesh_import import ENDINGS
+from pyinfra.scenes.maps.osm_pbf import PBF
 from reproduction import ROOT
 
 # Endings of the files in formats that a folder shows; those of FILES are in the code.
@@ -59,10 +60,10 @@ def other_formats() -> str:
         ".xodr": "Eclipse SUMO (extra `site`)",
         ".net.xml": "Eclipse SUMO (extra `site`)",
         ".osm, .osm.xml": "Eclipse SUMO (extra `site`)",
-        f".osm{map_file.PBF}": "osmium, Eclipse SUMO (extras `pbf`, `site`)",
+        f".osm{PBF}": "osmium, Eclipse SUMO (extras `pbf`, `site`)",
     }
     known = [ending for key in maps for ending in key.split(", ")]
-    assert set(map_file.FORMATS) <= set(known)
+    assert set(MAPS) <= set(known)
     rows = [("maps", "pyinfra site import", files, library) for files, library in maps.items()]
     rows += [
         ("meshes", "pyinfra site mesh", _endings(ENDINGS), "trimesh (extra `site`)"),

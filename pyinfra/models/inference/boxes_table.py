@@ -26,7 +26,8 @@ from pyinfra.dataset.ground import level_ground
 from pyinfra.dataset.height_checks import CHECKED, check_height, height_warnings
 from pyinfra.dataset.loading import AnyFrames, sequence_of
 from pyinfra.dataset.object_rows import BOX
-from pyinfra.dataset.regions import Outline, read_outline, region_within
+from pyinfra.dataset.outlines import Drawn
+from pyinfra.dataset.regions import drawn_of, read_outline, region_within
 from pyinfra.models.detectors import Detections as Found
 from pyinfra.models.detectors import Detector
 from pyinfra.models.inference import detect as inference
@@ -211,8 +212,9 @@ def detect(
     height_m : height of the sensor above a level road, for a trained detector; by default the
         height is read from the frames
     region : area where vehicles can be, for a trained detector. The argument is the corners (m, 2)
-        of an outline in the levelled LiDAR frame, metres, or a file with
-        `outline_m: [[x, y], ...]`. By default the area is the roads of the frames
+        of an outline in the levelled LiDAR frame, metres; a dict of `outlines_m` and `holes_m`,
+        which are lists of such corners; a polygon of shapely; the result of `propose_region`; or a
+        file with `outline_m: [[x, y], ...]`. By default the area is the roads of the frames
     drop_standing : whether to remove vehicle boxes that recur at a position where no box ever
         moves, such as boxes on hedges; needs frames that span a minute or more
 
@@ -281,25 +283,18 @@ def _place(frames: FrameSequence, height_m: float | None, region: AnyRegion | No
         check_height(height_m)
         ground, given = level_ground(-height_m), ["height_m"]
     if region is not None:
-        inside, given = region_within(_corners(region)), [*given, "region"]
+        inside, given = region_within(_drawn(region)), [*given, "region"]
     return Place(ground, inside, height_m, tuple(given))
 
 
-def _corners(region: AnyRegion) -> npt.NDArray[np.float64]:
-    """Returns the corners of an outline: (m, 2). Raises Error for an invalid outline."""
+def _drawn(region: AnyRegion) -> Drawn:
+    """Returns the area of an argument `region`. Raises Error for an invalid outline."""
     if isinstance(region, (str, os.PathLike)):
         return read_outline(Path(region))
     try:
-        corners = np.asarray(region, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise Error("region: expected an array (m, 2) of corners, got something else") from None
-    if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
-        raise Error(f"region: expected corners (m, 2), all finite, got an array {corners.shape}")
-    try:
-        Outline(tuple((float(x), float(y)) for x, y in corners))
+        return drawn_of(region)
     except Error as error:
         raise Error(f"region: {error}") from None
-    return corners
 
 
 def _stacked(model: Path, frames: FrameSequence) -> Iterator[Points]:

@@ -6,17 +6,19 @@ The steps are:
 2. Clusters are linked over frames. A track that moves far and smoothly is a vehicle. Leaves do not
    move far, and pedestrians are too slow.
 3. The footprints of the vehicles are marked in a grid. Gaps between lanes are closed.
-4. The boundary of the largest connected area becomes a polygon with few corners.
+4. The boundary of each connected area, and of each large hole in it, becomes a polygon with few
+   corners. Areas that are near each other are joined.
 
 A lane on which no vehicle drives during the recording is not part of the outline.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import binary_fill_holes, distance_transform_edt, gaussian_filter, label
@@ -27,14 +29,15 @@ from pyinfra.core.files import check_output, write
 from pyinfra.core.progress import track
 from pyinfra.dataset.frames import frame_numbers, period_of
 from pyinfra.dataset.ground import Ground, ground_of
-from pyinfra.dataset.outlines import first_crossing, in_outline
+from pyinfra.dataset.outlines import Drawn, area, first_crossing, in_outline
 from pyinfra.formats import kitti
 from pyinfra.metrics.label_free_quality import BoxSeries, links, tracks
 from pyinfra.models.detectors.background import DEFAULT, Background
 from pyinfra.models.training.sources import spread
 from pyinfra.models.training.train import BACKGROUND_FRAMES
 
-LEAST_S = 30.0  # minimum duration of the recording
+SHORT_S = 30.0  # in a shorter recording, some lanes have no vehicle
+LEAST_S = 10.0  # minimum duration of the recording
 LEAST_VEHICLES = 5  # minimum number of tracks of vehicles
 MOST_SPACING_S = 0.25  # with more time between frames, boxes of leaves are linked to tracks
 SPACING_S = 0.2  # time between the frames that are used, if the recording has as many
@@ -54,7 +57,9 @@ AHEAD_M = 15.0  # vehicles drive straight on before and after their path
 HALF_WIDTH_M = 1.3  # of a vehicle
 CLOSED_M = 8.0  # radius of the closing, which fills gaps between lanes
 LEAST_PART = 0.01  # smaller parts of the area are left out; share of the marked cells
+MOST_GAP_M = 20.0  # parts with a larger gap between them become outlines of their own
 STRIP_M = 3.0  # half the width of the strips that join the parts
+LEAST_HOLE_M2 = 300.0  # smaller holes are filled, and all holes of a short recording
 MARGIN_M = 1.0  # added around the closed area
 MOST_CORNERS = 20
 
@@ -63,11 +68,26 @@ MOST_CORNERS = 20
 class Proposal:
     """A proposed outline, and how well it fits the recording."""
 
-    corners: FloatArray  # (m, 2) levelled LiDAR frame, metres
+    drawn: Drawn  # the area, levelled LiDAR frame, metres
     area_m2: float
+    seconds: float  # duration of the recording
     vehicles: int  # number of vehicle tracks; a vehicle may have several
     inside_share: float  # share of the vehicles' boxes whose centre is inside
     moving_share: float  # share of the moving points inside; leaves beside the road move too
+
+    @property
+    def corners(self) -> FloatArray:
+        """The corners (m, 2) of the largest outline."""
+        return max(self.drawn.outlines, key=area)
+
+    @property
+    def __geo_interface__(self) -> dict[str, Any]:
+        """The area for shapely and for `detect`: a MultiPolygon, with the holes in each outline."""
+        polygons = []
+        for outline in self.drawn.outlines:
+            inside = [h for h in self.drawn.holes if in_outline(outline, h[:1], 0)[0]]
+            polygons.append([ring.tolist() for ring in (outline, *inside)])
+        return {"type": "MultiPolygon", "coordinates": polygons}
 
 
 def propose_of_folder(lidar_folder: Path) -> Proposal:
@@ -83,12 +103,23 @@ def propose_of_folder(lidar_folder: Path) -> Proposal:
         raise Error(f"{lidar_folder}: {error}") from None
 
 
-def write_outline(file: Path, corners: FloatArray) -> None:
-    """Writes corners (m, 2) as an outline file, which `read_outline` reads."""
-    pairs = ", ".join(f"[{x:g}, {y:g}]" for x, y in np.round(corners, 1))
-    check_output(file, b"outline_m:")
+def write_outline(file: Path, drawn: Drawn) -> None:
+    """Writes an area as an outline file, which `read_outline` reads."""
+    check_output(file, b"outline")
     file.parent.mkdir(parents=True, exist_ok=True)
-    write(file, f"outline_m: [{pairs}]\n")
+    if len(drawn.outlines) == 1:
+        text = f"outline_m: {_pairs(drawn.outlines[0])}\n"
+    else:
+        text = f"outlines_m:\n{_rings(drawn.outlines)}"
+    write(file, text + (f"holes_m:\n{_rings(drawn.holes)}" if drawn.holes else ""))
+
+
+def _rings(rings: Sequence[FloatArray]) -> str:
+    return "".join(f"- {_pairs(ring)}\n" for ring in rings)
+
+
+def _pairs(corners: FloatArray) -> str:
+    return f"[{', '.join(f'[{x:g}, {y:g}]' for x, y in np.round(corners, 1))}]"
 
 
 def _cloud(lidar_folder: Path, number: int) -> Points:
@@ -128,14 +159,14 @@ def propose_outline(
             f"expected {LEAST_VEHICLES} or more tracks of vehicles, got {count} in {seconds:g} s, "
             f"with {stride * period_s:g} s between frames"
         )
-    corners = outline_of(paths)
-    x, y = corners.T
+    drawn = area_of(paths, has_holes=seconds >= SHORT_S)
     return Proposal(
-        corners,
-        abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2,
+        drawn,
+        drawn.area_m2,
+        seconds,
         count,
-        float(in_outline(corners, seen.boxes[driven], 0).mean()),
-        float(in_outline(corners, moving, 0).mean()),
+        float(drawn.holds(seen.boxes[driven]).mean()),
+        float(drawn.holds(moving).mean()),
     )
 
 
@@ -218,13 +249,32 @@ def _share_near(xy: FloatArray, chosen: BoolArray) -> FloatArray:
     return np.asarray(some / total)
 
 
-def outline_of(paths: FloatArray) -> FloatArray:
-    """Returns the corners (m, 2) of the area of paths (p, 2, 2) with a start and an end x, y."""
+def area_of(paths: FloatArray, *, has_holes: bool = True) -> Drawn:
+    """Returns the area of paths (p, 2, 2) with a start and an end x, y.
+
+    has_holes: whether large holes are kept; else they are filled.
+    """
     cells, low = path_cells(paths)
-    area = _within(cells, HALF_WIDTH_M)
-    area = joined(closed(area, CLOSED_M), round(LEAST_PART * area.sum()))
-    area = binary_fill_holes(_within(area, MARGIN_M))
-    return simplified(low + CELL_M * boundary(area))
+    marked = _within(cells, HALF_WIDTH_M)
+    least = round(LEAST_PART * marked.sum())
+    whole = _within(joined(closed(marked, CLOSED_M), least), MARGIN_M)
+    filled = binary_fill_holes(whole)
+    empty = LEAST_HOLE_M2 / CELL_M**2 if has_holes else np.inf
+    outlines = [simplified(low + CELL_M * boundary(part)) for part in _parts(filled, least)]
+    holes = [simplified(low + CELL_M * boundary(part)) for part in _parts(filled & ~whole, empty)]
+    return Drawn(tuple(outlines), tuple(holes))
+
+
+def _parts(marked: BoolArray, least_cells: float) -> Iterator[BoolArray]:
+    """Yields the connected areas of `least_cells` cells or more, the largest first.
+
+    Cells that only touch at a corner are not connected. An area has no holes.
+    """
+    parts, count = label(marked)
+    sizes = np.bincount(parts.ravel(), minlength=count + 1)[1:]
+    for i in np.argsort(-sizes, kind="stable"):
+        if sizes[i] >= least_cells:
+            yield binary_fill_holes(parts == i + 1)
 
 
 def path_cells(paths: FloatArray) -> tuple[BoolArray, FloatArray]:
@@ -251,9 +301,9 @@ def closed(marked: BoolArray, radius_m: float) -> BoolArray:
     return np.asarray(marked | ~_within(~_within(marked, radius_m), radius_m))
 
 
-def joined(area: BoolArray, least_cells: int) -> BoolArray:
-    """Returns one connected area: parts of least_cells cells or more, joined by straight strips."""
-    parts, count = label(area)
+def joined(marked: BoolArray, least_cells: int) -> BoolArray:
+    """Returns the parts of least_cells cells or more, joined by straight strips over small gaps."""
+    parts, count = label(marked)
     sizes = np.bincount(parts.ravel(), minlength=count + 1)
     rest = [i for i in range(1, count + 1) if sizes[i] >= least_cells]
     whole: BoolArray = parts == 1 + np.argmax(sizes[1:])
@@ -261,10 +311,13 @@ def joined(area: BoolArray, least_cells: int) -> BoolArray:
         away, nearest = distance_transform_edt(~whole, return_indices=True)
         gaps = [np.where(parts == i, away, np.inf) for i in rest]
         best = int(np.argmin([gap.min() for gap in gaps]))
-        end = np.array(np.unravel_index(np.argmin(gaps[best]), area.shape))
+        if gaps[best].min() * CELL_M > MOST_GAP_M:
+            whole |= parts == rest.pop(best)
+            continue
+        end = np.array(np.unravel_index(np.argmin(gaps[best]), marked.shape))
         start = nearest[:, *end]
         length = int(np.abs(end - start).max())
-        strip = np.zeros_like(area)
+        strip = np.zeros_like(marked)
         strip[tuple(np.linspace(start, end, 2 * length + 1).round().astype(int).T)] = True
         whole |= (parts == rest.pop(best)) | _within(strip, STRIP_M)
     return whole
