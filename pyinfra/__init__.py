@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pyinfra.api import benchmark, train
-    from pyinfra.conversion import export, import_map, import_recording
+    from pyinfra.conversion import export, export_tracks, import_map, import_recording
     from pyinfra.core.errors import Error, FindingWarning
     from pyinfra.core.version import __version__
     from pyinfra.dataset.frame_sequence import FrameSequence, LidarFrame
@@ -91,6 +91,7 @@ _MODULES = {
     "evaluate": "pyinfra.metrics.evaluate",
     "evaluate_tracks": "pyinfra.tracking.evaluation",
     "export": "pyinfra.conversion",
+    "export_tracks": "pyinfra.conversion",
     "export_onnx": "pyinfra.folders",
     "import_map": "pyinfra.conversion",
     "import_mesh": "pyinfra.sites",
@@ -152,6 +153,7 @@ __all__ = [
     "evaluate_tracks",
     "export",
     "export_onnx",
+    "export_tracks",
     "import_map",
     "import_mesh",
     "import_recording",

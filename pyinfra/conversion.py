@@ -1,4 +1,4 @@
-"""Public API functions that import maps and recordings, and export frames."""
+"""Public API functions that import maps and recordings, and export frames and tracks."""
 
 from __future__ import annotations
 
@@ -19,10 +19,16 @@ from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.loading import load_dataset, one_lidar
 from pyinfra.dataset.object_rows import BOX
+from pyinfra.exchange import track_files
 from pyinfra.formats.csv_table import read_words
+from pyinfra.tracking.table_file import write_tracks
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from pyinfra.exchange.recording import Boxes
+
+TRACK_FILES = {".csv": "tracks.csv"} | track_files.FORMATS  # by ending
 
 
 @public(vehicles_per_hour=(0, math.inf), seed=(0, 2**31 - 1))
@@ -227,6 +233,47 @@ def export(frames: FrameSequence | StrPath, format: str, out: StrPath) -> Path:
     with on_disk(sequence, folder.parent) as lidar_folder:
         exports.export(lidar_folder, sequence.numbers, format, folder)
     return folder
+
+
+@public()
+def export_tracks(tracks: pd.DataFrame, file: StrPath, *, lidar: str = "lidar") -> Path:
+    """Writes tracks as a table or in the format of another tool.
+
+    Parameters
+    ----------
+    tracks : table of `track`
+    file : file to write; its ending is the format: .csv (tracks.csv), .jsonl (a JSON line per
+        frame), .txt (KITTI tracking), .json (OpenLABEL) or .mcap (ROS 2 messages)
+    lidar : name of the LiDAR, which is the coordinate frame of the boxes
+
+    Returns
+    -------
+    Path : the file
+
+    Raises
+    ------
+    Error : for another ending
+    ImportError : if the packages of the extra `exchange` are missing, for .mcap
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import pyinfra as pi
+    >>> frames = pi.simulate(pi.load_scene("highway", seed=1), "helios_16", range(10))
+    >>> tracks = pi.track(frames.labels.assign(score=0.9), frames)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     pi.export_tracks(tracks, f"{folder}/tracks.json", lidar=frames.name).name
+    'tracks.json'
+    """
+    path = path_of(file, "file")
+    if path.suffix not in TRACK_FILES:
+        raise Error(f"file: expected {', '.join(TRACK_FILES)}, got '{path}'")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix == ".csv":
+        write_tracks(path, tracks)
+    else:
+        track_files.write_other_format(path, tracks, lidar)
+    return path
 
 
 def nuscenes_results(file: Path, source: Path) -> dict[int, Boxes]:

@@ -10,19 +10,16 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.cli.messages import warn
+from pyinfra.conversion import TRACK_FILES, export_tracks
 from pyinfra.core.errors import Error
 from pyinfra.dataset.frame_sequence import RecordedFrames
 from pyinfra.dataset.frames import frame_numbers, frame_range, has_labels, lidar_folder
 from pyinfra.dataset.prediction_files import prediction_table
-from pyinfra.exchange.track_files import write_json_lines, write_kitti_tracking
 from pyinfra.models.inference.boxes_table import detect, load_detector
 from pyinfra.tracking.evaluation import evaluate_tracks
 from pyinfra.tracking.live import boxes_of_line, live_lines, new_lines
-from pyinfra.tracking.table_file import write_tracks
 from pyinfra.tracking.tracker import Tracker, TrackSettings
 from pyinfra.tracking.tracks import track
-
-WRITERS = {".csv": write_tracks, ".jsonl": write_json_lines, ".txt": write_kitti_tracking}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out",
         type=Path,
-        help="file to write: .csv, .jsonl (a JSON line per frame) or .txt (KITTI tracking)",
+        help=f"file to write: {', '.join(f'{end} ({what})' for end, what in TRACK_FILES.items())}",
     )
     parser.add_argument(
         "--model", default="generalist", help="detector to run without PRED; default: generalist"
@@ -91,16 +88,15 @@ def run(args: argparse.Namespace) -> int:
     settings = TrackSettings(**{name: getattr(args, name) for name in names})
     if str(args.data) == "-":
         return _live(args, Tracker(settings))
-    if args.out is None or args.out.suffix not in WRITERS:
-        raise Error(f"out: expected a file {', '.join(WRITERS)}, got '{args.out or 'none'}'")
+    if args.out is None or args.out.suffix not in TRACK_FILES:
+        raise Error(f"out: expected a file {', '.join(TRACK_FILES)}, got '{args.out or 'none'}'")
     folder = lidar_folder(args.data)
     everything = args.frames is None
     numbers = frame_numbers(folder, "all") if everything else frame_range(args.frames, folder)
     frames = RecordedFrames(folder, tuple(numbers))
     boxes = _boxes(args, frames)
     tracks = track(boxes, frames, settings=settings, smooth=not args.live)
-    args.out.parent.mkdir(parents=True, exist_ok=True)
-    WRITERS[args.out.suffix](args.out, tracks)
+    export_tracks(tracks, args.out, lidar=frames.name)
     print(_summary(tracks, frames))
     if not len(tracks):
         warn("no track: are there boxes, and is the frame period right?", args)

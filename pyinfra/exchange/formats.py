@@ -70,17 +70,18 @@ def exporter(name: str) -> Export:
 
     Raises ImportError if packages are missing; the message names the extra that installs them.
     """
-    return cast(Export, _module(FORMATS[name].export, FORMATS[name].extra).export)
+    return cast(Export, module(FORMATS[name].export, FORMATS[name].extra).export)
 
 
 def reader(name: str) -> Read:
     """Returns the read function of a format. Raises ImportError like `exporter`."""
-    return cast(Read, _module(FORMATS[name].read, FORMATS[name].extra).read)
+    return cast(Read, module(FORMATS[name].read, FORMATS[name].extra).read)
 
 
-def _module(module: str, extra: str) -> ModuleType:
+def module(name: str, extra: str) -> ModuleType:
+    """Imports a module of this package. Raises ImportError if packages of `extra` are missing."""
     try:
-        return importlib.import_module(f"pyinfra.exchange.{module}")
+        return importlib.import_module(f"pyinfra.exchange.{name}")
     except ModuleNotFoundError as error:
         if not extra or (error.name or "").startswith("pyinfra"):
             raise

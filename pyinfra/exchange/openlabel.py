@@ -15,7 +15,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -59,16 +59,18 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
         # `objects` must follow the frames, because iterating over the frames fills `presence`.
         "objects": presence.objects(series.lidar),
     }
-    with (
-        replacing(out / f"{series.lidar}.json") as beside,
-        beside.open("w", encoding="utf-8") as stream,
-    ):
+    write_document(out / f"{series.lidar}.json", parts, len(frames))
+
+
+def write_document(file: Path, parts: Mapping[str, Json | Iterable[Item]], frames: int) -> None:
+    """Writes a file whose parts are written one item per line, in their order."""
+    with replacing(file) as beside, beside.open("w", encoding="utf-8") as stream:
         stream.write('{"openlabel": {\n')
         for name, part in parts.items():
             stream.write(f'"{name}": ')
             _write_items(stream, part.items() if isinstance(part, dict) else part)
             stream.write(",\n")
-        stream.write(f'"frame_intervals": {json.dumps([_interval(0, len(frames) - 1)])}\n}}}}\n')
+        stream.write(f'"frame_intervals": {json.dumps([_interval(0, frames - 1)])}\n}}}}\n')
 
 
 class Presence:
@@ -78,8 +80,9 @@ class Presence:
         self.names: dict[int, str] = {}
         self.intervals: dict[int, list[list[int]]] = {}
 
-    def add(self, index: int, objects: Objects) -> None:
-        for number, name in zip(objects.ids.tolist(), objects.names.tolist(), strict=True):
+    def add(self, index: int, objects: Iterable[tuple[int, str]]) -> None:
+        """Adds the ids and classes of the objects of a frame."""
+        for number, name in objects:
             self.names.setdefault(number, name)
             intervals = self.intervals.setdefault(number, [])
             if intervals and intervals[-1][1] == index - 1:
@@ -109,7 +112,8 @@ def _frames(
     for index, frame in enumerate(read_frames(series, numbers)):
         cloud = f"points/{frame.number:06d}.bin"
         copy_cloud(series, frame.number, out / cloud)
-        presence.add(index, frame.objects)
+        ids, names = frame.objects.ids.tolist(), frame.objects.names.tolist()
+        presence.add(index, zip(ids, names, strict=True))
         yield (
             str(index),
             {
@@ -134,13 +138,18 @@ def _cuboids(coordinate_system: str, o: Objects) -> Iterator[Item]:
             numbers["speed"] = o.speed[i]
         if o.visibility[i] >= 0:
             numbers["visibility"] = o.visibility[i]
-        cuboid = {
-            "name": CUBOID,
-            "val": [*box[:3], *quaternion(box[6]), *box[3:6]],
-            "coordinate_system": coordinate_system,
-            "attributes": {"num": [{"name": name, "val": val} for name, val in numbers.items()]},
-        }
-        yield str(number), {"object_data": {"cuboid": [cuboid]}}
+        yield str(number), cuboid(coordinate_system, box, numbers)
+
+
+def cuboid(coordinate_system: str, box: Sequence[float], numbers: Mapping[str, float]) -> Json:
+    """Returns the data of an object: a box x y z dx dy dz heading, with attributes."""
+    shape = {
+        "name": CUBOID,
+        "val": [*box[:3], *quaternion(box[6]), *box[3:6]],
+        "coordinate_system": coordinate_system,
+        "attributes": {"num": [{"name": name, "val": val} for name, val in numbers.items()]},
+    }
+    return {"object_data": {"cuboid": [shape]}}
 
 
 def _metadata(series: FrameSeries) -> Json:

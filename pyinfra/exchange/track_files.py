@@ -1,4 +1,4 @@
-"""Writes tracks as JSON lines or as a label file of the KITTI tracking benchmark.
+"""Writes tracks as JSON lines, or in the formats of other tools.
 
 A line of the KITTI tracking format is frame, track id, and then the columns of a KITTI result:
 type truncated occluded alpha, image box (4), h w l, x y z rotation_y, score. Boxes are in the
@@ -16,9 +16,34 @@ import pandas as pd
 
 from pyinfra.core.files import write
 from pyinfra.dataset.object_rows import BOX
+from pyinfra.exchange.formats import module
+from pyinfra.exchange.track_openlabel import write_openlabel
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti.camera import boxes_to_camera
 from pyinfra.formats.kitti.write import image_columns
+
+FORMATS = {
+    ".jsonl": "a JSON line per frame",
+    ".txt": "KITTI tracking",
+    ".json": "OpenLABEL",
+    ".mcap": "ROS 2 messages",
+}
+
+
+def write_other_format(file: Path, tracks: pd.DataFrame, lidar: str) -> None:
+    """Writes a table of `track` in the format of the file's ending, one of FORMATS.
+
+    lidar: the name of the LiDAR, which is the frame of the boxes. Raises ImportError if packages
+    for MCAP are missing.
+    """
+    if file.suffix == ".mcap":
+        module("track_mcap", "exchange").write_mcap(file, tracks, lidar)
+    elif file.suffix == ".json":
+        write_openlabel(file, tracks, lidar)
+    elif file.suffix == ".jsonl":
+        write_json_lines(file, tracks)
+    else:
+        write_kitti_tracking(file, tracks)
 
 
 def write_json_lines(file: Path, tracks: pd.DataFrame) -> None:

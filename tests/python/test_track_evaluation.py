@@ -6,12 +6,16 @@ import json
 from pathlib import Path
 
 import numpy as np
+import openlabel_checker.core
 import pandas as pd
 import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 from tracking_data import PERIOD_S, boxes, circle, straight
 
 import pyinfra as pi
 from pyinfra.cli import main
+from pyinfra.core.errors import Error
 from pyinfra.dataset.frame_sequence import SimulatedFrames
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.exchange.track_files import write_json_lines, write_kitti_tracking
@@ -250,6 +254,36 @@ def test_other_formats_have_the_same_tracks(tmp_path: Path) -> None:
     values = np.array([row[10:17] for row in words], dtype=np.float64)
     back = kitti.boxes_from_camera(values, kitti.simulated())
     np.testing.assert_allclose(back, tracks[BOX], atol=2e-3)
+    pi.export_tracks(tracks, tmp_path / "a.json", lidar="lidar")
+    assert [
+        str(i) for i in openlabel_checker.core.check_file(str(tmp_path / "a.json")).issues
+    ] == []
+    document = json.loads((tmp_path / "a.json").read_text())["openlabel"]
+    cuboids = [
+        (int(number), *item["object_data"]["cuboid"][0]["val"][:3])
+        for frame in document["frames"].values()
+        for number, item in frame["objects"].items()
+    ]
+    np.testing.assert_allclose(cuboids, tracks[["id", "x", "y", "z"]])
+    with pytest.raises(Error, match=r"expected \.csv"):
+        pi.export_tracks(tracks, tmp_path / "a.xml", lidar="lidar")
+
+
+def test_messages_of_ros_have_the_same_tracks(tmp_path: Path) -> None:
+    tracks = pi.track(boxes([straight(0, -5, 10)], 20), period_s=PERIOD_S)
+    pi.export_tracks(tracks, tmp_path / "a.mcap", lidar="avia")
+    with (tmp_path / "a.mcap").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        read = [(c.topic, m) for _, c, _, m in reader.iter_decoded_messages()]
+    detections = [m for topic, m in read if topic == "/avia/tracks"]
+    centres = [d.bbox.center.position for m in detections for d in m.detections]
+    np.testing.assert_allclose([[p.x, p.y, p.z] for p in centres], tracks[["x", "y", "z"]])
+    stamps = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in detections]
+    np.testing.assert_allclose(stamps, tracks.t_s)
+    covariance = [d.results[0].pose.covariance[0] for m in detections for d in m.detections]
+    np.testing.assert_allclose(covariance, tracks.x_var_m2)
+    markers = [m.markers for topic, m in read if topic == "/avia/track_markers"]
+    assert markers[0][2].text == f"{tracks.id[0]}: 36 km/h"
 
 
 def test_the_command_says_which_files_it_writes(tmp_path: Path) -> None:
