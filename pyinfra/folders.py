@@ -371,7 +371,7 @@ def view(
     lidars : names of the LiDARs to show; by default all
     frames : frame numbers, or a text `A:B` or `A:B:STEP`; by default the first frame, or the first
         one with predictions
-    predictions : folder of predictions; for several LiDARs a dict of folders by LiDAR
+    predictions : folder of predictions, or a tracks.csv; for several LiDARs a dict by LiDAR
     max_points : largest number of points of a frame; larger frames are thinned
 
     Returns

@@ -1,4 +1,4 @@
-// src/ and three.js -> ../pyinfra/viewer/viewer.min.js; run by `make viewer`.
+// src/ and three.js -> ../pyinfra/viz/viewer/viewer.min.js; run by `make viewer`.
 // The first line says which sources the bundle was made of; a test compares it.
 import { createHash } from "node:crypto";
 import { readdirSync, readFileSync } from "node:fs";
@@ -12,7 +12,7 @@ const licence = readFileSync("node_modules/three/LICENSE", "utf8").trim();
 
 await build({
   entryPoints: ["src/main.js"],
-  outfile: "../pyinfra/viewer/viewer.min.js",
+  outfile: "../pyinfra/viz/viewer/viewer.min.js",
   bundle: true,
   minify: true,
   format: "iife",

@@ -39,8 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="DIR",
-        help="folder of predictions, NNNNNN.txt or NNNNNN.csv; if there are several LiDARs, "
-        "LIDAR=DIR for each",
+        help="folder of predictions, NNNNNN.txt or NNNNNN.csv, or a tracks.csv; if there are "
+        "several LiDARs, LIDAR=DIR for each",
     )
     parser.add_argument(
         "--max-points",

@@ -15,8 +15,10 @@ import numpy as np
 import pytest
 from conftest import Infrasim
 from evaluation_data import car, perfect, write_lidar, write_predictions
+from tracking_data import PERIOD_S, boxes, straight
 from view_data import blob, view_frame
 
+import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.core.errors import FormatError
 from pyinfra.formats import kitti
@@ -159,6 +161,24 @@ def test_a_folder_of_labels_alone_stands_at_the_origin(tmp_path: Path) -> None:
     assert view.hits is None
     data = data_of(fragment({"a": [view]}, element_id="v"))
     assert data["ground_m"] == pytest.approx(-6, abs=1e-5)
+
+
+def test_tracks_have_their_id_speed_and_path(tmp_path: Path) -> None:
+    folder = lidar_folder(tmp_path / "a", frames=3)
+    tracks = pi.track(boxes([straight(20, 0, 10)], 3), period_s=PERIOD_S)
+    (number,) = tracks.id.unique()
+    pi.export_tracks(tracks, tmp_path / "tracks.csv")
+    shown = pi.view(folder, tmp_path / "v.html", frames=[0, 2], predictions=tmp_path / "tracks.csv")
+    first, last = data_of(shown.read_text())["lidars"][0]["frames"]
+    assert [p["name"] for p in last["predictions"]] == [f"Car {number} at 35 km/h"]
+    (trail,) = last["trails"]
+    end = last["predictions"][0]["box"][:3]
+    assert trail[-3:] == pytest.approx(end, abs=0.006)
+    assert len(trail) == 9
+    assert np.hypot(*np.subtract(trail[-3:-1], trail[:2])) == pytest.approx(2, abs=0.1)
+    assert first["trails"] == []
+    default = pi.view(folder, tmp_path / "w.html", predictions=tmp_path / "tracks.csv")
+    assert data_of(default.read_text())["frames"][0]["number"] == 0
 
 
 def test_no_file_of_predictions_is_not_a_frame_without_detections(

@@ -48,6 +48,7 @@ function start(figure) {
     world.setPoints(points.xyz, paint(points, state.colour, view, theme));
     const all = boxesOf(frame, state.minScore);
     for (const [kind, list] of Object.entries(all)) world.setBoxes(kind, state.show[kind] ? list : []);
+    world.setTrails(state.show.predicted ? (frame.trails ?? []) : []);
     boxes = Object.entries(all).flatMap(([kind, list]) => (state.show[kind] ? list : []));
     write(panel, view, state, all);
     figure.dataset.state = "ready";

@@ -27,7 +27,7 @@ const LINES = [...EDGES, [[0, 0, 1], [1, 0, 1]]];
 
 /**
  * A world on a canvas; null where the browser has no WebGL 2.
- * setPoints(xyz, rgb), setBoxes(kind, boxes), setTheme, resetView, boxAt, render: what the panel calls.
+ * setPoints(xyz, rgb), setBoxes(kind, boxes), setTrails(curves), setTheme, resetView, boxAt, render: what the panel calls.
  */
 export function makeWorld(canvas, view) {
   const context = canvas.getContext("webgl2", { antialias: true });
@@ -48,6 +48,7 @@ export function makeWorld(canvas, view) {
   const boxes = Object.fromEntries(
     ["hit", "missed", "predicted"].map((kind) => [kind, emptyLines(kind === "missed")]),
   );
+  boxes.trails = emptyLines(false);
   const grid = groundGrid(view);
   const sensor = sensorMarks(view);
   const around = surroundings(view.around);
@@ -94,9 +95,14 @@ export function makeWorld(canvas, view) {
       drawBoxes(boxes[kind], list);
       ask();
     },
+    /** Paths of tracks, each a list of x y z. */
+    setTrails(curves) {
+      drawCurves(boxes.trails, curves);
+      ask();
+    },
     setTheme(theme) {
       renderer.setClearColor(theme.stage);
-      for (const [kind, lines] of Object.entries(boxes)) lines.material.color.set(theme[kind]);
+      for (const [kind, lines] of Object.entries(boxes)) lines.material.color.set(theme[kind] ?? theme.predicted);
       grid.material.color.set(theme.grid);
       for (const [kind, lines] of Object.entries(around)) lines.material.color.set(theme[COLOUR_OF[kind]]);
       for (const part of sensor.children) part.material.color.set(theme.sensor);

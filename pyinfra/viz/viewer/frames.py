@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from pyinfra.core.arrays import (
     Float32Array,
@@ -29,6 +30,10 @@ from pyinfra.dataset.world_frame import to_world
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Labels, WorldPose
 from pyinfra.metrics.prediction_checks import find_files
+from pyinfra.tracking.table_file import read_tracks
+
+TRAIL_S = 3.0  # length of the drawn path of a track
+KM_H = 3.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +51,7 @@ class ViewFrame:
     time_s: Float32Array | None = None  # (n,) since the start of the frame
     object_id: Int32Array | None = None  # (n,) -1 for background
     predictions: Labels | None = None  # predicted boxes, world frame; None if there is no file
+    trails: Sequence[FloatArray] = ()  # (n, 3) past positions of the predicted tracks
     road_z: float | None = None  # z of a recording's road at the sensor, world frame, if known
 
 
@@ -55,8 +61,8 @@ def read_view_frames(
     """Reads frames of a folder in the KITTI layout.
 
     If there is no lidar.yaml, the sensor is at the origin. Point times and object ids are known
-    only if the frame has a `fields` file. predictions: folder of NNNNNN.txt or NNNNNN.csv. Raises
-    OSError and FormatError.
+    only if the frame has a `fields` file. predictions: folder of NNNNNN.txt or NNNNNN.csv, or a
+    tracks.csv. Raises OSError and FormatError.
     """
     has_lidar = (lidar_folder / "lidar.yaml").is_file()
     lidar = kitti.read_lidar(lidar_folder) if has_lidar else None
@@ -66,7 +72,11 @@ def read_view_frames(
     road_z = None if ground is None else float(ground.height(np.zeros((1, 3)))[0]) + pose.z
     vehicles = read_vehicles(lidar_folder, frames)
     counted = (lidar_folder / "training/objects").is_dir()
-    per_frame = _predictions(lidar_folder, frames, predictions, pose)
+    tracks = read_tracks(predictions) if predictions and predictions.is_file() else None
+    if tracks is not None:
+        per_frame: list[Labels | None] = [_of_tracks(tracks, frame, pose) for frame in frames]
+    else:
+        per_frame = _predictions(lidar_folder, frames, predictions, pose)
     views = []
     for i, frame in enumerate(track(frames, "frame")):
         points = kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", frame))
@@ -85,6 +95,7 @@ def read_view_frames(
                 time_s=None if fields is None else fields["time_s"],
                 object_id=None if fields is None else fields["object_id"],
                 predictions=per_frame[i],
+                trails=() if tracks is None else _trails(tracks, frame, pose),
                 road_z=road_z,
             )
         )
@@ -125,6 +136,27 @@ def _fields(lidar_folder: Path, frame: int, points: int) -> Records | None:
     if len(fields) != points:
         raise FormatError(f"{file}: expected {points} records, as in velodyne, got {len(fields)}")
     return fields
+
+
+def _of_tracks(tracks: pd.DataFrame, frame: int, pose: WorldPose) -> Labels:
+    """Returns the tracks of a frame. A name is the class, the id and the speed."""
+    part = tracks[tracks.frame == frame]
+    columns = zip(part.type, part.id, part.speed_m_s, part.state, strict=True)
+    names = [
+        f"{kind} {number} at {KM_H * speed:.0f} km/h{'' if state == 'seen' else f' ({state})'}"
+        for kind, number, speed, state in columns
+    ]
+    boxes = boxes_in_world(part[BOX].to_numpy(np.float64), pose)
+    return Labels(np.array(names, dtype=str), boxes, part.score.to_numpy(np.float64))
+
+
+def _trails(tracks: pd.DataFrame, frame: int, pose: WorldPose) -> list[FloatArray]:
+    """Returns the positions of the last TRAIL_S of each track of a frame, world frame."""
+    now = tracks[tracks.frame == frame]
+    since = now.t_s.iloc[0] - TRAIL_S if len(now) else 0.0
+    part = tracks[(tracks.frame <= frame) & (tracks.t_s >= since) & tracks.id.isin(now.id)]
+    xyz = _in_world(part[["x", "y", "z"]].to_numpy(np.float64), pose)
+    return [xyz[rows] for rows in part.groupby("id").indices.values() if len(rows) > 1]
 
 
 def _predictions(

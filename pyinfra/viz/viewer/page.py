@@ -229,6 +229,7 @@ def _frame(view: ViewFrame, most_points: int | None) -> dict[str, Any]:
         packed["predictions"] = [
             {"name": str(n), "box": _short(b), "score": round(float(s), 4)} for n, b, s in rows
         ]
+        packed["trails"] = [_short(trail.ravel(), 2) for trail in view.trails]
     return packed
 
 

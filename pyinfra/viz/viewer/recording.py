@@ -31,8 +31,8 @@ POINT_RADIUS = rerun.Radius.ui_points(1.2)
 def write(views: Mapping[str, Sequence[ViewFrame]], out: Path) -> int:
     """Writes a recording (.rrd) of frames by the LiDAR's name; returns its size in bytes.
 
-    Each LiDAR is an entity below `world` with points, vehicles and predictions. The timelines are
-    `frame` and `time`, the start of the frame in seconds.
+    Each LiDAR is an entity below `world` with points, vehicles, predictions and trails of tracks.
+    The timelines are `frame` and `time`, the start of the frame in seconds.
     """
     out.parent.mkdir(parents=True, exist_ok=True)
     with replacing(out) as beside:
@@ -61,7 +61,7 @@ def open_viewer(recording: Path) -> None:
 
 
 def _log(recording: Any, path: list[str], view: ViewFrame) -> None:
-    """Logs points, vehicles and predictions of a frame, even if they are empty.
+    """Logs points, vehicles, predictions and trails of a frame, even if they are empty.
 
     For a part that is not logged, Rerun would show the part of the previous frame.
     """
@@ -74,6 +74,8 @@ def _log(recording: Any, path: list[str], view: ViewFrame) -> None:
     boxes = np.empty((0, 7)) if predictions is None else predictions.boxes
     labels = [] if predictions is None else predictions.names.tolist()
     recording.log([*path, "predictions"], _boxes(boxes, labels, PREDICTION_COLOUR))
+    trails = rerun.LineStrips3D(list(view.trails), colors=[PREDICTION_COLOUR] * len(view.trails))
+    recording.log([*path, "trails"], trails)
 
 
 def _boxes(boxes: FloatArray, labels: list[str], colour: tuple[int, int, int]) -> Any:

@@ -9,6 +9,7 @@ from pyinfra.core.errors import Error
 from pyinfra.core.files import resolved
 from pyinfra.dataset.frames import lidar_folders
 from pyinfra.formats import kitti
+from pyinfra.tracking.table_file import read_tracks
 from pyinfra.viz.viewer.frames import ViewFrame, read_view_frames
 
 
@@ -52,13 +53,13 @@ def chosen_frames(
 ) -> list[int]:
     """Returns the frames of a folder that `words` selects: numbers, or A, A:B or A:B:STEP.
 
-    If `words` is None, the result is the first frame, or the first frame with a file in
-    `predictions`. Raises Error if `words` has another form, or selects no frame of the folder.
+    If `words` is None, the result is the first frame, or the first frame that has predictions.
+    Raises Error if `words` has another form, or selects no frame of the folder.
     """
     present = kitti.frames(folder)
     if words is None:
-        stems = {file.stem for file in predictions.iterdir()} if predictions else set()
-        return [frame for frame in present if f"{frame:06d}" in stems][:1] or present[:1]
+        found = _frames_of(predictions) if predictions else set()
+        return [frame for frame in present if f"{frame:06d}" in found][:1] or present[:1]
     try:
         numbers = [int(word) for word in words.split(":")] if isinstance(words, str) else words
         wanted = range(*numbers) if isinstance(words, str) and len(numbers) > 1 else numbers
@@ -73,7 +74,8 @@ def chosen_frames(
 def prediction_folders(words: Sequence[str], folders: Sequence[Path]) -> dict[Path, Path]:
     """Returns folders of predictions by LiDAR folder.
 
-    words: LIDAR=DIR for each LiDAR, or DIR if there is only one LiDAR.
+    words: LIDAR=DIR for each LiDAR, or DIR if there is only one LiDAR. A tracks.csv may stand in
+    place of DIR.
 
     Raises Error for an unknown LiDAR, for DIR with several LiDARs, and for two folders of one
     LiDAR.
@@ -92,6 +94,13 @@ def prediction_folders(words: Sequence[str], folders: Sequence[Path]) -> dict[Pa
             )
         chosen[by_name[name]] = Path(folder)
     return chosen
+
+
+def _frames_of(predictions: Path) -> set[str]:
+    """Returns the numbers of the frames of a folder of predictions or of a tracks.csv."""
+    if predictions.is_file():
+        return {f"{frame:06d}" for frame in read_tracks(predictions).frame}
+    return {file.stem for file in predictions.iterdir()}
 
 
 def title_of(folders: Sequence[Path], frames: Sequence[int]) -> str:
