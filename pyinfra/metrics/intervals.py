@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from pyinfra.core.arrays import AnyArray, FloatArray, IntArray
 from pyinfra.core.errors import Error
@@ -172,7 +172,20 @@ def student(samples: float, level: float = LEVEL) -> float:
 
     samples: number of independent samples. level: confidence level, 0 to 1.
     """
-    return float(stats.t.ppf((1 + level) / 2, samples - 1))
+    return float(special.stdtrit(samples - 1, (1 + level) / 2))
+
+
+def ranks_of_median(samples: int, level: float = LEVEL) -> tuple[int, int]:
+    """Returns the ranks of the ends of the interval of a median, from order statistics.
+
+    They are quantiles of the binomial distribution of the samples below the median.
+    """
+    ranks = []
+    for probability in ((1 - level) / 2, (1 + level) / 2):
+        rank = math.ceil(special.bdtrik(probability, samples, 0.5))
+        below = max(rank - 1, 0)
+        ranks.append(below if special.bdtr(below, samples, 0.5) >= probability else rank)
+    return ranks[0], ranks[1]
 
 
 def ratio(above: FloatArray, below: FloatArray) -> FloatArray:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
@@ -24,7 +23,7 @@ from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import read_csv
 from pyinfra.metrics.evaluate import evaluated
 from pyinfra.metrics.evaluation_result import Evaluation
-from pyinfra.metrics.intervals import LEVEL
+from pyinfra.metrics.intervals import ranks_of_median
 from pyinfra.metrics.row_selection import AP_COLUMNS, AP_ENDS, AP_OF, OFF_REGION
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
@@ -152,7 +151,7 @@ def latency_columns(times: FloatArray, least: FloatArray, load: OtherLoad) -> di
     without other processes, for the low end.
     """
     p50, p95 = np.percentile(times, (50, 95))
-    low, high = (int(rank) for rank in stats.binom.interval(LEVEL, len(times), 0.5))
+    low, high = ranks_of_median(len(times))
     return {
         "latency_p50_ms": round(p50, 2),
         "latency_p95_ms": round(p95, 2),

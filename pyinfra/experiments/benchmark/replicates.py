@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import pandas as pd
@@ -26,13 +27,18 @@ class ExperimentReplicates:
 
         `measure` is by default AP (R1000). Tables of earlier versions do not have this measure.
         """
+        values = (str(experiment[name]) for name in KEY)
+        number = self._numbers.get((ground_truth, measure, *values))
+        return None if number is None else self.rows.iloc[number]
+
+    @cached_property
+    def _numbers(self) -> dict[tuple[str, ...], int]:
+        """The number of the first row of each ground truth, measure and experiment."""
         if self.rows.empty:
-            return None
-        here = (self.rows.ground_truth == ground_truth) & (self.rows.measure == measure)
-        for name in KEY:
-            here &= self.rows[name].astype(str) == str(experiment[name])
-        rows = self.rows[here]
-        return None if rows.empty else rows.iloc[0]
+            return {}
+        columns = [self.rows[name].astype(str) for name in ("ground_truth", "measure", *KEY)]
+        numbered = reversed(list(enumerate(zip(*columns, strict=True))))
+        return {key: number for number, key in numbered}
 
     def alike(self, best: Key, others: Iterable[Key], ground_truth: str) -> list[int]:
         """Returns the indices of the `others` whose AP (R1000) is not significantly different.

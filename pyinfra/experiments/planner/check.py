@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.dataset import simulation
@@ -26,6 +25,7 @@ from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.experiments.planner.verdict import SIMULATED, Standing
 from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.evaluation_result import Evaluation
+from pyinfra.metrics.intervals import student
 
 FRAMES = 30
 SEEDS = 3  # of the traffic
@@ -134,7 +134,7 @@ def _mean_ap(rows: Sequence[pd.Series]) -> Interval:
         return UNKNOWN
     mean, half = float(values.mean()), math.nan
     if len(values) > 1:
-        half = float(stats.t.ppf(0.975, len(values) - 1) * values.std(ddof=1) / len(values) ** 0.5)
+        half = float(student(len(values)) * values.std(ddof=1) / len(values) ** 0.5)
     elif math.isfinite(rows[0].ap_r1000_low):
         half = float(rows[0].ap_r1000_high - rows[0].ap_r1000_low) / 2
     return Interval(mean, max(0.0, mean - half), min(100.0, mean + half))
@@ -156,7 +156,7 @@ def share(found: Found, counted: np.ndarray) -> Interval:
     clusters = float((sums - value * counts).var(ddof=1)) * n / total**2 if found.frames > 1 else 1
     smoothed = (some.found.sum() + 1) / (total + 2)
     variance = max(clusters, float(smoothed * (1 - smoothed)) / total)
-    half = float(stats.t.ppf(0.975, n - 1)) * math.sqrt(variance)
+    half = student(n) * math.sqrt(variance)
     return Interval(value, max(0.0, value - half), min(1.0, value + half))
 
 
@@ -164,7 +164,7 @@ def false_rate(found: Found) -> Interval:
     """Returns the false boxes of a frame."""
     value, n = float(found.false.mean()), max(found.frames, 2)
     variance = max(float(found.false.var(ddof=1)) if found.frames > 1 else value, value, 1 / n) / n
-    half = float(stats.t.ppf(0.975, n - 1)) * math.sqrt(variance)
+    half = student(n) * math.sqrt(variance)
     return Interval(value, max(0.0, value - half), value + half)
 
 
@@ -218,5 +218,5 @@ def paired(before: Found, after: Found, site: PlanSite, within_m: float) -> Inte
         return UNKNOWN
     first, then, n = a.sum() / of_a.sum(), b.sum() / of_b.sum(), max(before.frames, 2)
     parts = (b - then * of_b) / of_b.sum() - (a - first * of_a) / of_a.sum()
-    half = float(stats.t.ppf(0.975, n - 1)) * math.sqrt(n * parts.var(ddof=1)) if n > 1 else 1.0
+    half = student(n) * math.sqrt(n * parts.var(ddof=1)) if n > 1 else 1.0
     return Interval(float(then - first), float(then - first - half), float(then - first + half))

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy import special
 
 from pyinfra.core.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from pyinfra.experiments.planner.areas import weighted
@@ -217,7 +217,7 @@ def is_worse(sums: FloatArray, best: FloatArray, confidence: float) -> BoolArray
     if frames < 2:
         return np.zeros(len(sums), bool)
     error = gap.std(1, ddof=1) / np.sqrt(frames)
-    return np.asarray(gap.mean(1) > stats.t.ppf(confidence, frames - 1) * error + 1e-12)
+    return np.asarray(gap.mean(1) > special.stdtrit(frames - 1, confidence) * error + 1e-12)
 
 
 def limit(stay: BoolArray, pairs: pd.DataFrame, request: Request, frames: int) -> BoolArray:
