@@ -24,8 +24,6 @@ from pyinfra.formats.csv_table import read_words
 from pyinfra.tracking.table_file import write_tracks
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from pyinfra.exchange.recording import Boxes
 
 TRACK_FILES = {".csv": "tracks.csv"} | track_files.FORMATS  # by ending

@@ -291,14 +291,9 @@ def test_the_command_says_which_files_it_writes(tmp_path: Path) -> None:
         assert main.main(["track", *words]) == 2
 
 
-def test_the_lead_of_the_results_is_what_they_say() -> None:
+def test_true_boxes_gave_a_track_per_vehicle_in_the_results() -> None:
     root = Path(__file__).resolve().parents[2]
     table = pd.read_csv(root / "results/tracks.csv")
-    dense = table[(table.boxes == "detector") & table.lidar.isin(["ruby_plus", "pandar_64"])]
-    off = 100 * (dense.passages / dense.passages_true - 1).abs()
-    page = (root / "docs/results/traffic.md").read_text()
-    assert f"HOTA is at least {int(dense.hota.min())} in each scene" in page
-    assert f"by at most {np.ceil(off.max() - 0.5):.0f} %" in page
     true = table[table.boxes == "true"]
     assert (true.all_tracks == true.all_vehicles).all()
     assert (true.switches == 0).all()
