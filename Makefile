@@ -20,7 +20,7 @@ configure = cmake --preset $(1) $(2) -DCMAKE_UNITY_BUILD=$(or $(3),$(UNITY)) -DP
 FILES :=
 JOBS := 1
 
-.PHONY: setup build demo dataset generalist generalist-v4 debian13 test lint lint-tests stubs reference results tables docs viewer bench wheel wheels hashes sanitize fuzz test-nightly attack nightly clean
+.PHONY: setup build demo dataset generalist generalist-v4 debian13 test lint lint-cpp stubs reference results tables docs viewer bench wheel wheels hashes sanitize fuzz test-nightly attack nightly clean
 .NOTPARALLEL:
 
 build:
@@ -80,24 +80,18 @@ test: build
 	ctest --preset dev --no-tests=error -E 'nightly_'
 	$(PYTHON) -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-# run-clang-tidy on the build folder $(1) and the sources that match $(2).
-tidy = $(PYTHON) .venv/bin/run-clang-tidy.py -quiet -hide-progress -p $(1) -clang-tidy-binary .venv/bin/clang-tidy $(2)
-
-# clang-tidy reads each header once for several sources; a source is then what another one includes.
 lint:
 	@scripts/setup.sh build train exchange dev
-	@mkdir -p build
-	@$(call configure,dev,-B build/tidy,ON)
 	.venv/bin/pre-commit run --all-files --show-diff-on-failure
 	.venv/bin/mypy
-	$(call tidy,build/tidy,-checks=-bugprone-suspicious-include '$(CURDIR)/(build/tidy/)?(cpp|bindings)/.*')
 
-# clang-tidy for the C++ tests, which takes minutes and seldom finds anything.
-lint-tests:
+# clang-tidy for the C++ sources and their tests, which takes minutes and seldom finds anything.
+lint-cpp:
 	@scripts/setup.sh build dev
 	@mkdir -p build
-	@$(call configure,dev,-B build/tidy-tests,OFF)
-	$(call tidy,build/tidy-tests,'$(CURDIR)/tests/cpp/.*')
+	@$(call configure,dev,-B build/tidy,OFF)
+	$(PYTHON) .venv/bin/run-clang-tidy.py -quiet -hide-progress -p build/tidy \
+		-clang-tidy-binary .venv/bin/clang-tidy '$(CURDIR)/(build/tidy/)?(cpp|bindings|tests/cpp)/.*'
 
 stubs: build
 	@scripts/setup.sh test
@@ -177,7 +171,7 @@ attack: build
 	$(PYTHON) tests/python/attack.py
 
 # The slow checks that CI leaves out, one after the other.
-nightly: lint-tests sanitize fuzz bench test-nightly attack
+nightly: lint-cpp sanitize fuzz bench test-nightly attack
 
 clean:
 	rm -rf build docs/examples pyinfra/_core*.so

@@ -75,6 +75,7 @@ def clusters_as_boxes(points: np.ndarray) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["x", "y", "z", "dx", "dy", "dz", "heading", "score"])
 
 
+@pytest.mark.nightly
 def test_an_own_detector_is_compared_with_the_pretrained_one() -> None:
     """The difference between DBSCAN and the pretrained detector is paired and has an interval."""
     pytest.importorskip("torch", reason="the extra `train` is not installed")

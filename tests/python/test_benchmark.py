@@ -356,6 +356,7 @@ def test_dask_runs_tasks_where_gpus_are_and_listens_to_this_machine_alone() -> N
         assert_this_machine_alone_is_listened_to()
 
 
+@pytest.mark.nightly
 def test_a_cluster_without_gpus_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     ray_init = ray.init
     monkeypatch.setattr(ray, "init", lambda **size: ray_init(**size, num_gpus=0))

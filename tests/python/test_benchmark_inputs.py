@@ -132,6 +132,7 @@ def test_a_changed_price_counts_in_a_bundle(config: Path) -> None:
     assert f"price_total_usd: {{low: 2000, high: {2 * HIGH}}}" in written
 
 
+@pytest.mark.nightly
 def test_another_lidar_changes_what_all_see(
     config: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -204,6 +205,7 @@ def test_a_step_that_shows_a_part_of_a_pattern_is_reported_before_it_is_simulate
     assert "shows 8 of the pattern's 200 frames" in line
 
 
+@pytest.mark.nightly
 def test_names_with_dots_have_locks_of_their_own(config: Path) -> None:
     names = ["pillars_0.1.yaml", "pillars_0.2.yaml"]
     for name in names:

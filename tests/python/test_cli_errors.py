@@ -707,6 +707,7 @@ def test_byte_that_is_no_text(byte: bytes, kind: str, site: Site) -> None:
         file.write_bytes(old)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("kind", ["scene", "lidar"])
 def test_hundred_thousand_keys(kind: str, site: Site) -> None:
     file = site.scene if kind == "scene" else site.lidar

@@ -680,7 +680,7 @@ def test_vehicles_at_the_end_of_the_range_do_not_depend_on_a_lidar_that_sees_fur
             assert mine.read_bytes() == among.read_bytes(), file
 
 
-@pytest.mark.parametrize("preset", ["equal", "datasheet"])
+@pytest.mark.parametrize("preset", [pytest.param("equal", marks=pytest.mark.nightly), "datasheet"])
 @pytest.mark.parametrize("aggregation", ["exact", "instant", "slices:3"])
 def test_presets_and_aggregations_repeat(
     preset: str,

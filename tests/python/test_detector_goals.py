@@ -79,6 +79,7 @@ class Perfect:
         return vehicles(boxes, [0.9] * len(boxes))
 
 
+@pytest.mark.nightly
 def test_sites_are_measured_once_and_rows_are_paired(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -131,6 +132,7 @@ def test_a_vehicle_in_a_queue_stands_for_30_s_and_drives_at_another_time(
     assert not frozen_sites.stands(world, 200, 0.1, 600, ids).any()
 
 
+@pytest.mark.nightly
 def test_sites_of_the_calibration_are_no_test_sites_and_no_training_sites() -> None:
     ((keys, visits),) = frozen_sites.calibration_visits(1)
     tested = {site["name"] for name in frozen_sites.SETS

@@ -87,13 +87,18 @@ GIVEN = {
 # Their commands take 10 to 60 s and seldom fail, so only `make nightly` runs them.
 LONG_PAGES = (
     "cluster",
+    "first_steps",
     "generalist",
     "generated_sites",
+    "gpu",
+    "own_data",
+    "own_detector",
     "own_recording",
     "own_site",
     "plan",
     "points",
     "several_poles",
+    "traffic",
     "tutorial",
 )
 LEAST_AP = {"own_detector": ("out/blocks_ap/ap.csv", 20), "tutorial": ("out/background/ap.csv", 20)}

@@ -518,6 +518,7 @@ def test_command_writes_tables_and_figures(
     }
 
 
+@pytest.mark.nightly
 def test_the_same_command_writes_the_same_bytes(tmp_path: Path) -> None:
     frames = traffic(520)
     write_roads(tmp_path)

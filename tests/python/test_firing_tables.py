@@ -107,6 +107,7 @@ def test_what_pattern_writes_is_a_table(folder: Path, infrasim: Infrasim) -> Non
     np.testing.assert_allclose(again[: len(first)], first, atol=1e-6)
 
 
+@pytest.mark.nightly
 def test_a_data_set_carries_its_table_to_statistics_and_stress(
     folder: Path, infrasim: Infrasim
 ) -> None:

@@ -63,6 +63,7 @@ def test_a_site_can_be(seed: int, tmp_path: Path) -> None:
     assert result.returncode == 0, result.stderr
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_vehicles_of_sites_share_no_place(tmp_path: Path) -> None:
     for seed in range(0, MANY, 10):
@@ -121,6 +122,7 @@ def test_furniture_changes_nothing_else_of_a_site() -> None:
         assert site == bare
 
 
+@pytest.mark.nightly
 def test_cluttered_streets_can_be_and_hold_every_kind_of_furniture(tmp_path: Path) -> None:
     sites = [make_site(seed, CLUTTERED) for seed in range(8)]
     bare = replace(CLUTTERED, furniture=replace(CLUTTERED.furniture, sites=0.0))
@@ -165,6 +167,7 @@ def test_sensors_hang_within_their_range_and_look_at_the_road_mostly() -> None:
     assert np.max(near) < 40
 
 
+@pytest.mark.nightly
 def test_some_sites_have_many_motorcycles_and_some_many_buses() -> None:
     shares = [make_site(seed)["traffic"]["class_shares"] for seed in range(120)]
     assert all(0 <= weight <= 1 for of_site in shares for weight in of_site.values())
@@ -257,6 +260,7 @@ def test_a_sample_is_a_function_of_plan_and_number_alone() -> None:
     assert len({len(sample.points) for sample in ahead}) > 5
 
 
+@pytest.mark.nightly
 def test_a_site_that_cannot_be_is_drawn_again() -> None:
     """If the simulator refuses all sites, the error gives the reason."""
 

@@ -120,6 +120,7 @@ def test_the_time_of_a_cloud_is_that_of_its_name() -> None:
             live.time_of(Path(name), None)
 
 
+@pytest.mark.nightly
 def test_memory_does_not_grow_with_the_number_of_frames() -> None:
     """After 200 frames, 400 more need no more memory."""
     tracker = Tracker()

@@ -46,7 +46,9 @@ def evaluation(folders: tuple[Path, Path]) -> Evaluation:
     return evaluate(*folders, measure.SETTINGS, ranges=True)
 
 
-@pytest.fixture(scope="module", params=["highway", "bridge"])
+@pytest.fixture(
+    scope="module", params=["highway", pytest.param("bridge", marks=pytest.mark.nightly)]
+)
 def results(
     request: pytest.FixtureRequest,
     evaluation: Evaluation,

@@ -48,7 +48,9 @@ def near(boxes: Detections, frames: FrameSequence) -> Detections:
     return Detections(boxes.boxes[keep], boxes.scores[keep], boxes.names[keep])
 
 
-@pytest.fixture(scope="module", params=["ruby_plus", "livox_avia"])
+@pytest.fixture(
+    scope="module", params=["ruby_plus", pytest.param("livox_avia", marks=pytest.mark.nightly)]
+)
 def frames(request: pytest.FixtureRequest) -> FrameSequence:
     scene = load_scene("crossroad", set={"duration_s": 8, "traffic.warm_up_s": 20})
     return simulate(scene, request.param, range(0, 80, 13))
@@ -76,6 +78,7 @@ def test_boxes_and_ap_are_those_of_pytorch(frames: FrameSequence) -> None:
         np.testing.assert_allclose(got, wanted, atol=1e-3)
 
 
+@pytest.mark.nightly
 def test_boxes_do_not_depend_on_the_number_of_threads(frames: FrameSequence) -> None:
     tables = [
         boxes_table.detect(boxes_table.load_detector(threads=threads), frames) for threads in (1, 2)

@@ -149,6 +149,7 @@ def test_the_ground_over_a_tunnel_stays(tmp_path: Path) -> None:
     assert min(lane[:, 2].min() for lane in read_lanes(tmp_path / "s/lanes.csv").values()) < -5.9
 
 
+@pytest.mark.nightly
 def test_what_an_editor_deleted_is_not_built(tmp_path: Path) -> None:
     """JOSM keeps deleted elements with action='delete', and gives new elements negative ids."""
     text = district_text()

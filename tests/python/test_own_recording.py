@@ -686,6 +686,7 @@ def test_boxes_of_a_lone_pcd_are_those_of_its_turned_and_scaled_points(
         assert "the highest intensity is 255: intensities are divided by 255" in said
 
 
+@pytest.mark.nightly
 def test_boxes_of_a_lone_bin_do_not_depend_on_its_columns(
     lone: np.ndarray, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -709,6 +710,7 @@ def test_boxes_of_a_lone_bin_do_not_depend_on_its_columns(
 # --- no region
 
 
+@pytest.mark.nightly
 def test_frames_without_a_region_are_warned_of_once(
     site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

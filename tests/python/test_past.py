@@ -162,6 +162,7 @@ def test_stream_files_of_version_4_have_lidars_of_no_product_and_choose_some_mor
     assert counts["helios_16"] > 1.5 * counts["velodyne_vls_128"] > 0
 
 
+@pytest.mark.nightly
 def test_a_network_begins_with_the_boxes_of_version_3_and_then_uses_its_past(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],

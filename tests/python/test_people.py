@@ -240,6 +240,7 @@ def test_the_scenes_of_the_study_have_no_people() -> None:
         assert "people" not in file.read_text(), file
 
 
+@pytest.mark.nightly
 def test_blocks_are_as_long_as_the_class_stays(tmp_path: Path) -> None:
     frames = [[walker(10, 12), car(20)][: 2 if k < 20 else 1] for k in range(600)]
     gt, _ = scene(tmp_path, frames, [])

@@ -76,6 +76,7 @@ def test_blocks_of_present_do_not_depend_on_what_the_pole_sees(tmp_path: Path) -
     assert [block_seconds(t, present=True) for t in truths] == [25, 25]
 
 
+@pytest.mark.nightly
 def test_seeds_are_paired_by_their_vehicles_whatever_the_folders_are_called(
     tmp_path: Path,
 ) -> None:

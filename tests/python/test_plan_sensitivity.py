@@ -286,6 +286,7 @@ def test_a_yaw_error_turns_the_points_and_no_label(site: PlanSite) -> None:
     )
 
 
+@pytest.mark.nightly
 def test_a_plan_says_how_the_choice_moves(scene: Path, tmp_path: Path) -> None:
     text = lidar_file("helios_16").read_text()
     text = text.replace("rate_hz: 10, columns_per_turn: 1800", "rate_hz: 20, columns_per_turn: 900")

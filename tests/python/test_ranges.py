@@ -155,6 +155,7 @@ def test_an_old_table_says_that_its_ap_is_of_the_whole_region(
     )
 
 
+@pytest.mark.nightly
 def test_coverage_of_a_site_of_lanes_is_squares_within_the_range(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -175,6 +176,7 @@ def test_coverage_of_a_site_of_lanes_is_squares_within_the_range(
     assert "Covered, squares of 20 m" in out.read_text()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("low", "high", "reason"),
     [

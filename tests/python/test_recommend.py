@@ -124,6 +124,7 @@ def test_a_notebook_has_the_answer_as_a_table(
     assert table.difference[0] == 0
 
 
+@pytest.mark.nightly
 def test_boxes_off_the_region_are_in_the_table_and_unknown_in_old_ones(results: Path) -> None:
     assert pi.recommend(results, budget_usd=9000, min_ap=30).off_region_per_min.isna().all()
     change(results / "quick.csv", "lidar == 'livox_avia'", off_region_per_min=3.5)

@@ -86,7 +86,7 @@ def test_it_fits_every_screen(width: int, browser: Browser, pictured: Path) -> N
         assert not opened.scrolls_sideways()
 
 
-@pytest.mark.parametrize("width", [390, 1440])
+@pytest.mark.parametrize("width", [390, pytest.param(1440, marks=pytest.mark.nightly)])
 def test_links_of_the_contents_land_on_their_headings(
     width: int, browser: Browser, pictured: Path
 ) -> None:
@@ -103,6 +103,7 @@ def test_links_of_the_contents_land_on_their_headings(
             assert abs(top) < 2 or opened.page.evaluate(left) < 2, target
 
 
+@pytest.mark.nightly
 def test_what_is_wider_than_a_phone_says_so(browser: Browser, pictured: Path) -> None:
     hint = "part => getComputedStyle(part, '::before').content.includes('Scroll sideways')"
     wide = "part => part.scrollWidth > part.clientWidth + 1"

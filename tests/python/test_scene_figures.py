@@ -145,6 +145,7 @@ def test_the_plan_of_an_imported_scene_has_a_north_arrow(
     assert any(text.strip() == "20 m" for text in texts)
 
 
+@pytest.mark.nightly
 def test_every_lidar_shows_the_same_car_of_a_column(data_sets: dict[str, Path]) -> None:
     scene = read(data_sets["highway"])
     vehicles = cutout_figures.choose_vehicles(scene, 1)

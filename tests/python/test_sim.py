@@ -78,6 +78,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
 
 
+@pytest.mark.nightly
 def test_memory_of_one_frame_does_not_grow_with_the_scene() -> None:
     peaks = []
     for seconds in (5, 3600):

@@ -475,6 +475,7 @@ def test_a_recording_has_no_speeds_and_its_pedestrians_are_no_vehicles(tmp_path:
     assert "speed" in scanning_statistics.statistics([recording, run], patterns=False)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_real_run_gives_every_table_and_figure(infrasim: Infrasim, tmp_path: Path) -> None:
     files = [f"configs/lidars/{name}.yaml" for name in ("livox_avia", "helios_16")]

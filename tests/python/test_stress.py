@@ -313,6 +313,7 @@ def test_a_changed_lidar_of_the_catalogue_is_simulated_again(
     assert len(bytes_of(after)[0]) < len(bytes_of(before)[0])
 
 
+@pytest.mark.nightly
 def test_an_own_lidar_goes_through_all_but_its_unknown_presets(
     made: Made, background: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -432,6 +433,7 @@ def test_recorded_trajectories_come_from_beside_the_frames(recorded: Path, tmp_p
     assert altered_scenes.simulated(base, altered_scenes.AlteredScene(), cache, "same") != same
 
 
+@pytest.mark.nightly
 def test_recorded_trajectories_have_no_density_and_no_speed(
     recorded: Path, background: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -468,6 +470,7 @@ def test_a_wrong_scene_is_named_before_the_first_trial_and_the_rest_is_measured(
     assert pd.read_csv(tmp_path / "stress_summary.csv").severities.tolist() == [2]
 
 
+@pytest.mark.nightly
 def test_a_scene_that_fails_on_the_way_leaves_the_others_their_rows_and_figures(
     background: Path,
     data: Path,
@@ -497,6 +500,7 @@ def test_a_scene_that_fails_on_the_way_leaves_the_others_their_rows_and_figures(
     assert "curve" in set(rows(tmp_path).severity)
 
 
+@pytest.mark.nightly
 def test_a_notebook_stresses_a_detector_as_the_command_does(
     background: Path, data: Path, tmp_path: Path
 ) -> None:
@@ -628,6 +632,7 @@ def test_every_severity_has_its_row(whole: Path) -> None:
     assert set(pd.read_csv(whole / "stress_summary.csv").stressor) == set(QUICK)
 
 
+@pytest.mark.nightly
 def test_a_killed_test_goes_on_to_the_same_rows(
     whole: Path, background: Path, data: Path, tmp_path: Path
 ) -> None:

@@ -112,6 +112,7 @@ def test_the_cheapest_model_whose_conclusions_stay_is_named(tmp_path: Path) -> N
     assert not same["frames", "50"]
 
 
+@pytest.mark.nightly
 def test_a_ladder_of_another_preset_is_left_out(tmp_path: Path) -> None:
     table = report_data.ladder().assign(preset="datasheet")
     report_data.write(tmp_path, {"ladder.csv": table})
@@ -166,6 +167,7 @@ def test_the_papers_ap_is_complete() -> None:
     assert value["curve", "helios_16", "pointrcnn"] == 16.40
 
 
+@pytest.mark.nightly
 def test_the_report_of_an_own_site_has_nothing_of_the_paper(tmp_path: Path) -> None:
     page = Read(report(custom_site(tmp_path / "results")))
     assert not {"claims", "figure-hits"} & set(page.ids)
@@ -173,6 +175,7 @@ def test_the_report_of_an_own_site_has_nothing_of_the_paper(tmp_path: Path) -> N
     assert "the paper" not in page.text
 
 
+@pytest.mark.nightly
 def test_scenes_of_the_paper_beside_an_own_site_keep_their_cards(tmp_path: Path) -> None:
     results = custom_site(tmp_path / "results")
     for name, table in report_data.study_tables().items():

@@ -142,6 +142,7 @@ def best_recipe(steps: int = 10) -> Recipe:
     return dataclasses.replace(plain, learning=learning)
 
 
+@pytest.mark.nightly
 def test_the_best_checkpoint_changes_nothing_of_the_last_one_and_survives_a_kill(
     lidar_folder: Path,
     tmp_path: Path,
@@ -978,6 +979,7 @@ def test_faults_that_no_severity_asks_for_draw_nothing() -> None:
     assert draw.random() == other.random()
 
 
+@pytest.mark.nightly
 def test_dropped_points_and_lines_are_some_up_to_the_severity() -> None:
     sample = road_sample(15)
     for how in (Augmentation(drop_out=0.9), Augmentation(lost_lines=0.9)):

@@ -90,6 +90,7 @@ def test_a_row_with_a_part_of_its_cells_is_refused(tmp_path: Path) -> None:
         read_objects_at(file_of(tmp_path, "0" + NOBODY, "0.1,7,Car\n"), range(1), LEVEL)
 
 
+@pytest.mark.nightly
 def test_trajectories_of_people_alone_are_read_by_python_and_by_a_run(
     tmp_path: Path, infrasim: Infrasim
 ) -> None:

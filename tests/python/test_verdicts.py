@@ -153,6 +153,7 @@ def test_only_spinning_lidars_are_tested_at_turned_cut_angles() -> None:
     assert tests["ruby_plus"] == [(3, 0), (3, 45), (4, 0), (4, 45)]
 
 
+@pytest.mark.nightly
 def test_a_detector_is_trained_at_a_turned_cut_angle(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -173,6 +174,7 @@ def test_a_detector_is_trained_at_a_turned_cut_angle(
     assert one.name.endswith("_cut_90")
 
 
+@pytest.mark.nightly
 def test_turned_frames_differ_in_the_cut_angle_alone(tmp_path: Path) -> None:
     replicate = experiments.Replicate("highway", "paper", "scan", 1)
     turned = experiments.simulated(replicate, 1, "0:1", tmp_path, 45)

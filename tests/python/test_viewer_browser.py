@@ -80,7 +80,9 @@ def count(image: Any, colour: tuple[int, int, int], tolerance: int = 12) -> int:
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize(("width", "height"), [(320, 640), (1600, 900)])
+@pytest.mark.parametrize(
+    ("width", "height"), [(320, 640), pytest.param(1600, 900, marks=pytest.mark.nightly)]
+)
 def test_the_picture_is_drawn_at_every_width_in_both_themes(
     open_view: OpenView, width: int, height: int, theme: str
 ) -> None:
