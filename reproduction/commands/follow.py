@@ -1,0 +1,130 @@
+"""Measures delays and memory of `pyinfra detect --follow` over an hour.
+
+The command simulates some seconds of a scene, and copies their clouds again and again into a folder
+at the LiDAR's rate, as a driver would. Old clouds are deleted. A second process follows the folder
+with the pretrained detector. The output has one row per ten minutes: delays from the arrival of a
+cloud to its line, dropped frames, and the memory of the process.
+
+    python -m reproduction follow --work out/follow --minutes 60
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+import pyinfra as pi
+from reproduction import add_out, add_work, provenance
+
+VERSION = 1  # of the results of this file; raise it with a change that alters them
+
+FRAMES = 150  # simulated frames, which repeat
+KEPT = 20  # clouds in the folder
+INTERVAL_MIN = 10.0
+LONGEST_START_S = 120.0  # until the first line
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    add_work(parser, gigabytes=1)
+    parser.add_argument("--minutes", type=float, default=60.0, help="minutes (default: 60)")
+    parser.add_argument("--scene", default="highway", help="scene (default: highway)")
+    parser.add_argument("--lidar", default="helios_16", help="LiDAR (default: helios_16)")
+    parser.add_argument("--threads", type=int, default=1, help="of the detector (default: 1)")
+    add_out(parser, "follow.csv")
+    args = parser.parse_args()
+    frames = pi.simulate(pi.load_scene(args.scene, seed=1), args.lidar, range(FRAMES))
+    clouds = [frame.points[:, :4].astype("<f4").tobytes() for frame in frames]
+    outline = args.work / "outline.yaml"
+    height_m = frames.lidar.T_world_levelled.z
+    folder = args.work / "clouds"
+    folder.mkdir(exist_ok=True)
+    for old in folder.glob("*.bin"):
+        old.unlink()
+    pi.propose_region(frames, outline)
+    words = ["detect", str(folder), "--follow", "--height-m", f"{height_m:g}"]
+    words += ["--region", str(outline), "--threads", str(args.threads), "--idle-s", "30"]
+    rows = list(followed(words, folder, clouds, frames.period_s, args.minutes))
+    options = f"--scene {args.scene} --lidar {args.lidar} --threads {args.threads}"
+    origin = provenance(f"follow --work WORK --minutes {args.minutes:g} {options}")
+    table = pd.DataFrame(rows).assign(
+        scene=args.scene, lidar=args.lidar, threads=args.threads, **origin
+    )
+    table.to_csv(args.out, index=False)
+    print(table.iloc[:, :10].to_string(index=False))
+
+
+def followed(
+    words: list[str], folder: Path, clouds: list[bytes], period_s: float, minutes: float
+) -> Iterator[dict[str, float]]:
+    """Yields a row for each interval. words: the command that follows the folder."""
+    command = [sys.executable, "-m", "pyinfra", *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        lines: list[tuple[float, float, int]] = []  # arrival of the line, delay, dropped so far
+        reader = threading.Thread(target=read, args=(process, lines), daemon=True)
+        reader.start()
+        number, since = 0, time.monotonic()
+        while not lines and time.monotonic() - since < LONGEST_START_S:
+            number = written(folder, clouds, number, period_s, time.time())
+        start, first, written_before = time.monotonic(), len(lines), number
+        taken, dropped = first, lines[-1][2] if lines else 0
+        intervals = max(1, round(minutes / INTERVAL_MIN))
+        for interval in range(intervals):
+            until = start + 60 * minutes * (interval + 1) / intervals
+            while time.monotonic() < until:
+                number = written(folder, clouds, number, period_s, time.time())
+            part, taken = lines[taken:], len(lines)
+            delays = 1000 * np.array([delay for _, delay, _ in part])
+            yield {
+                "minute": minutes * (interval + 1) / intervals,
+                "clouds": number - written_before,
+                "lines": len(part),
+                "dropped": part[-1][2] - dropped,
+                "delay_p50_ms": float(np.percentile(delays, 50)),
+                "delay_p95_ms": float(np.percentile(delays, 95)),
+                "delay_max_ms": float(delays.max()),
+                "memory_mb": memory_mb(process.pid),
+                "load": os.getloadavg()[0],
+            }
+            dropped, written_before = part[-1][2], number
+        process.terminate()
+        reader.join()
+
+
+def read(process: subprocess.Popen[str], lines: list[tuple[float, float, int]]) -> None:
+    assert process.stdout is not None
+    for text in process.stdout:
+        line = json.loads(text)
+        lines.append((time.time(), line["delay_s"], line["dropped"]))
+
+
+def written(folder: Path, clouds: list[bytes], number: int, period_s: float, now: float) -> int:
+    """Writes the next cloud, waits until the one after it is due, and returns its number."""
+    beside = folder / "writing"
+    beside.write_bytes(clouds[number % len(clouds)])
+    beside.rename(folder / f"{now:017.6f}.bin")
+    if number % KEPT == 0:
+        for old in sorted(folder.glob("*.bin"))[:-KEPT]:
+            old.unlink()
+    time.sleep(max(0.0, period_s - (time.time() - now)))
+    return number + 1
+
+
+def memory_mb(pid: int) -> float:
+    """Returns the resident memory of a process."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    return float(status.split("VmRSS:")[1].split()[0]) / 1024
+
+
+if __name__ == "__main__":
+    main()
