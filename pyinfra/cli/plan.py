@@ -56,7 +56,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs=2,
         type=float,
         metavar=("X", "Y"),
-        help="centre for --within, world frame, metres; default: the middle of the first junction",
+        help="centre for --within, world frame, metres; default: the middle of the first "
+        "junction, or of the largest one near the mount of an imported map",
     )
     parser.add_argument(
         "--false-per-minute",
@@ -91,7 +92,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE",
         help="CSV file of candidate poses with the columns x_m, y_m and optionally z_m, yaw_deg, "
-        "pitch_deg, existing (yes or no); default: poses along kerbs, medians and walls",
+        "pitch_deg, existing (yes or no), arm_m and bearing_deg (compass) of an arm of the mast; "
+        "default: poses along kerbs, medians and walls",
     )
     parser.add_argument(
         "--every",
@@ -161,7 +163,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--what-if",
         action="store_true",
         help="also simulate option 1 with a mast 2 m further or 0.5 m lower, half a degree of "
-        "pitch or yaw, twice the traffic, rain, night and a lost LiDAR, in the same frames",
+        "pitch or yaw, a lorry in a lane, twice the traffic, rain, night and a lost LiDAR, in the "
+        "same frames",
     )
     parser.add_argument("--jobs", type=int, default=1, help="number of threads; default: 1")
 

@@ -92,9 +92,7 @@ def load_scene(
         return simulation.make_world(keys, preset=preset, mount=mount)
     file = file_or_name(scene, shipped("scenes"), "scene")
     if meshes:
-        others = read_keys(file).get("meshes") or []
-        own = [{**mesh, "file": str(file.parent / mesh["file"])} for mesh in others]
-        set = {**(set or {}), "meshes": [*own, *_mesh_files(meshes)]}
+        set = {**(set or {}), "meshes": with_meshes(file, meshes)}
     try:
         return simulation.load_scene(file, preset=preset, seed=seed, set=set, mount=mount)
     except ConfigError as error:  # the text names options of the binary instead of arguments
@@ -214,6 +212,15 @@ def temporary_folder() -> Path:
         folder.mkdir()
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder
+
+
+def with_meshes(
+    scene: Path, meshes: Sequence[tuple[str, npt.ArrayLike, npt.ArrayLike]]
+) -> list[dict[str, object]]:
+    """Returns the key `meshes` of a scene file with further meshes, as in `load_scene`."""
+    others = read_keys(scene).get("meshes") or []
+    own = [{**mesh, "file": str(scene.parent / mesh["file"])} for mesh in others]
+    return [*own, *_mesh_files(meshes)]
 
 
 def _mesh_files(

@@ -29,6 +29,8 @@ from pyinfra.experiments.planner.verdict import Standing, in_order, verdict
 from pyinfra.metrics.comparison import Interval
 
 POSE = [-14.0, 9.5, 5.0, -30.0, 0.0]
+ONE = [(POSE, simulation.load_lidar(lidar_file("helios_16")))]
+NO_POSES = pd.DataFrame({"height_m": [6.0]})
 
 
 @pytest.fixture(scope="module")
@@ -199,35 +201,39 @@ def test_a_change_is_paired_by_frame(site: PlanSite) -> None:
 
 
 def test_what_if_has_the_cases_that_a_site_allows(site: PlanSite) -> None:
-    names = [one.name for one in cases_of(site, 1)]
+    names = [one.name for one in cases_of(site, ONE)]
     assert {"twice the traffic", "night", "rain 25 mm/h"} < set(names)
-    assert "LiDAR 2 lost" in [one.name for one in cases_of(site, 2)]
+    assert "LiDAR 2 lost" in [one.name for one in cases_of(site, ONE * 2)]
     recorded = replace(site, keys=site.keys | {"trajectories": "tracks.csv"}, preset="paper")
-    assert not {"twice the traffic", "night"} & {one.name for one in cases_of(recorded, 1)}
-    far = next(one for one in cases_of(site, 1) if "further" in one.name)
+    assert not {"twice the traffic", "night"} & {one.name for one in cases_of(recorded, ONE)}
+    far = next(one for one in cases_of(site, ONE) if "further" in one.name)
     pose = np.array([site.centre[0] + 3, site.centre[1] + 4, 5, 0, 0])
     assert np.hypot(*(far.move(pose)[:2] - site.centre)) == pytest.approx(7)
 
 
-def notes_of(units: Units, request: Request) -> str:
+def notes_of(units: Units, request: Request, site: PlanSite, every: pd.DataFrame = NO_POSES) -> str:
     law = laws.read_detectability("generalist")
     rows = pd.DataFrame({"option": [1], "poles": [2], "share": [90.0], "price_usd": [9000.0]})
     first = [(chosen(units, 0, 2), standing(0.9))]
     lines = [
-        *answer.doubts(first, request, law, units.costs, units),
+        *answer.doubts(first, request, law, units.costs, units, site, every),
         *answer.how_chosen(first, rows, request, units),
     ]
     return " ".join(lines)
 
 
-def test_a_choice_is_exact_only_without_larger_sets(units: Units) -> None:
-    assert "exact over all pairs of pose and LiDAR" in notes_of(units, Request(50_000, poles=2))
-    assert "exact for one and two LiDARs" in notes_of(units, Request(50_000, poles=3))
+def test_a_choice_is_exact_only_without_larger_sets(units: Units, site: PlanSite) -> None:
+    assert "exact over all pairs of pose and LiDAR" in notes_of(
+        units, Request(50_000, poles=2), site
+    )
+    assert "exact for one and two LiDARs" in notes_of(units, Request(50_000, poles=3), site)
 
 
-def test_pedestrians_of_a_request_that_are_not_there_are_named(units: Units) -> None:
-    assert "no share of pedestrians" in notes_of(units, Request(50_000, people=1))
-    assert "pedestrian" not in notes_of(units, Request(50_000))
+def test_pedestrians_of_a_request_that_are_not_there_are_named(
+    units: Units, site: PlanSite
+) -> None:
+    assert "no share of pedestrians" in notes_of(units, Request(50_000, people=1), site)
+    assert "pedestrian" not in notes_of(units, Request(50_000), site)
 
 
 def test_the_first_line_repeats_the_whole_request(site: PlanSite) -> None:
@@ -239,7 +245,7 @@ def test_the_first_line_repeats_the_whole_request(site: PlanSite) -> None:
 def test_a_sentence_names_no_share_without_an_object(units: Units) -> None:
     """Without a vehicle within the distance in the frames of the prediction."""
     row = {"lidar": "a", "x_m": 0.0, "y_m": 0.0, "height_m": 5.0, "yaw_deg": 0.0, "pitch_deg": 0.0}
-    rows = pd.DataFrame([row | {"existing": False, "latency_ms": 91.1}])
+    rows = pd.DataFrame([row | {"existing": False, "kind": "kerb", "latency_ms": 91.1}])
     people = replace(standing(0.9), recall=UNKNOWN, people=Interval(0.5, 0.4, 0.6))
     for one, words in (
         (people, ": finds 50 of 100 [40 to 60] pedestrians within 60 m"),

@@ -29,9 +29,12 @@ from pyinfra.experiments.planner.verdict import (
 )
 from pyinfra.experiments.requirements import unlike
 from pyinfra.metrics.comparison import Interval
+from pyinfra.scenes.maps.site_traffic import lacking_traffic
 
 LISTED = 3  # options that are described in full
 REASONS = 4  # reasons of left-out poses that are listed
+FOOT_M = 0.3048
+FEET_M = 12.0  # height above the road from which a height in metres may be one in feet
 MOST_FRAMES = 2000  # frames of a simulation that is proposed
 Options = Sequence[tuple[Choice, Standing]]
 
@@ -77,7 +80,7 @@ def answer_of(
             for i, one in enumerate(options[:LISTED], start=1)
         ),
         *changes,
-        " ".join(doubts(options, request, law, costs, units)),
+        " ".join(doubts(options, request, law, costs, units, site, every)),
     ]
     notes = [
         "The shares are those of an hour of other traffic at this site. Their intervals contain "
@@ -92,7 +95,7 @@ def answer_of(
 
 def asked(site: PlanSite, request: Request) -> str:
     """Returns the centre of the site and the request."""
-    x, y = site.centre
+    x, y = map(round, site.centre.tolist())
     false = ""
     if math.isfinite(request.false_per_minute):
         false = f", at most {request.false_per_minute:g} false boxes a minute"
@@ -104,7 +107,7 @@ def asked(site: PlanSite, request: Request) -> str:
     weights = list(dict.fromkeys(weights))
     weighed = f" Weights in the choice: {', '.join(weights)}; other vehicles 1." if weights else ""
     return (
-        f"{site.name}, centre ({x:.0f}, {y:.0f}) m, preset {site.preset}, detector "
+        f"{site.name}, centre ({x}, {y}) m, preset {site.preset}, detector "
         f"{request.detector}: {100 * request.find:g} of 100 vehicles within {request.within_m:g} m "
         f"of the centre in a frame{false}; at most {usd(request.budget_usd)} over "
         f"{request.years:g} years and {poles}.{weighed}"
@@ -172,7 +175,7 @@ def sentence(option: tuple[Choice, Standing], rows: pd.DataFrame, request: Reque
     where = " and ".join(
         f"{row.lidar} at ({row.x_m:.1f}, {row.y_m:.1f}), {row.height_m:.1f} m above the road, yaw "
         f"{row.yaw_deg:.0f} (compass {compass(row.yaw_deg):.0f}) and pitch {row.pitch_deg:.0f} "
-        f"degrees{' on an existing mast or wall' if row.existing else ''}"
+        f"degrees{carrier(row.kind, existing=row.existing)}"
         for row in rows.itertuples()
     )
     shares = {"vehicles": standing.recall, "pedestrians": standing.people}
@@ -194,6 +197,13 @@ def sentence(option: tuple[Choice, Standing], rows: pd.DataFrame, request: Reque
         f"about {rows.latency_ms.iloc[0]:.0f} ms a frame on one core; {price(choice.price)} over "
         f"{request.years:g} years{f'; {ap}' if ap else ''}."
     )
+
+
+def carrier(kind: str, *, existing: bool) -> str:
+    """Returns on what a LiDAR is, if that is not a new pole."""
+    if kind == "arm":
+        return f" on an arm of {'an existing' if existing else 'a new'} mast"
+    return " on an existing mast or wall" if existing else ""
 
 
 def compass(yaw_deg: float) -> float:
@@ -224,9 +234,15 @@ def price(span: Range) -> str:
 
 
 def doubts(
-    options: Options, request: Request, law: Detectability, costs: Costs, units: Units
+    options: Options,
+    request: Request,
+    law: Detectability,
+    costs: Costs,
+    units: Units,
+    site: PlanSite,
+    every: pd.DataFrame,
 ) -> Iterator[str]:
-    """Yields what is uncertain or assumed in the first option."""
+    """Yields what is uncertain or assumed in the first option. every: the table of candidates."""
     choice, standing = options[0]
     if request.people and not standing.people.value >= 0:
         yield (
@@ -248,6 +264,17 @@ def doubts(
         yield f"The price of {', '.join(doubtful)} is unconfirmed."
     if costs.unconfirmed:
         yield f"Unconfirmed costs: {', '.join(costs.unconfirmed)}; your own table replaces them."
+    unsourced = [*costs.without_source, *(one.name for one in lidars if not one.source)]
+    if unsourced:
+        yield f"Without a source: the prices of {', '.join(dict.fromkeys(unsourced))}."
+    if text := lacking_traffic(site.file.parent):
+        yield f"{text}."
+    high = sorted({round(height, 1) for height in every.height_m if height > FEET_M})
+    if high:
+        yield (
+            f"Poses are up to {high[-1]:g} m above the road. If these are feet, "
+            f"{high[-1]:g} feet are {FOOT_M * high[-1]:.1f} m."
+        )
     used = str(simulation.frames_version())
     name = f"The detectability of {law.detector}"
     if text := other_frames(name, law.frames_version, used):

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.names import suggestion
 from pyinfra.dataset.roads import Road, offset_curve
@@ -30,7 +30,12 @@ ISLAND_M = 6.0  # places with carriageway within this distance all around carry 
 APART_M = 1.0  # positions closer than this to an earlier one are left out
 WORDS = frozenset({"existing", "kind", "name", "lidar", "left_out"})
 # Columns of a file of poses. Those of candidates.csv are known, so that its rows can be one.
-COLUMNS = (*POSE, "existing", *(WORDS - {"existing"}), "height_m", "frames", "recall")
+ARM = ["arm_m", "bearing_deg"]  # of an arm from the mast at x_m, y_m; bearing 0 is north, 90 east
+COLUMNS = (*POSE, *ARM, "existing", *(WORDS - {"existing"}), "height_m", "frames", "recall")
+MOST_ARM_M = 30.0
+FOOT = ["foot_x_m", "foot_y_m"]  # of the pole or mast; another place than x_m, y_m with an arm
+MOST_GIVEN = 12  # positions of the user of which each has an option in the tables
+GIVEN = ("file", "arm")  # kinds of the poses of the user
 TRIED_M = (5.0, 8.0, 12.0)  # heights above the road that are tried for a pose that is not free
 GRID_BOUNDS = {
     "every_m": (0.5, 1000),
@@ -100,7 +105,8 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
     """Reads poses from a CSV file. Heights, yaws or pitches that it does not give are made.
 
     Columns: x_m, y_m; optional z_m, yaw_deg, pitch_deg, and existing (yes or no) for a mast that
-    needs no new pole. Raises FormatError with file, line and column.
+    needs no new pole; arm_m and bearing_deg for an arm of the mast, at whose end the LiDAR is.
+    Raises FormatError with file, line and column.
     """
     table = read_csv(file, WORDS)
     for name in ("x_m", "y_m"):
@@ -110,13 +116,13 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
         if name not in COLUMNS:
             raise FormatError(
                 f"{file}:1: expected known columns, got '{name}'"
-                f"{suggestion(name, [*POSE, 'existing'])}"
+                f"{suggestion(name, [*POSE, *ARM, 'existing'])}"
             )
     if "height_m" in table and "z_m" not in table:
         raise FormatError(f"{file}:1: expected z_m in the world frame, got height_m alone")
     if table.empty:
         raise FormatError(f"{file}: expected one pose or more, got none")
-    for name in [name for name in POSE if name in table]:
+    for name in [name for name in (*POSE, *ARM) if name in table]:
         wrong = ~np.isfinite(table[name].to_numpy(float)) | (np.abs(table[name]) > 1e5)
         if wrong.any():
             row = int(np.flatnonzero(wrong)[0])
@@ -135,7 +141,7 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
     if twice.any():
         row = int(rows.index[twice][0])
         raise FormatError(f"{file}:{row + 2}: existing: expected one value for a position, got two")
-    poses = table.assign(kind="file", existing=existing == "yes")
+    poses = on_arms(table.assign(kind="file", existing=existing == "yes"), file)
     if "z_m" not in poses:
         ground, _ = nearest_roads(site.roads, poses[["x_m", "y_m"]].to_numpy(float))
         parts = [poses.assign(z_m=ground + h) for h in grid.heights_m]
@@ -143,11 +149,49 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
     return turned(poses, site, grid)
 
 
+def on_arms(poses: pd.DataFrame, file: Path) -> pd.DataFrame:
+    """Returns the poses at the ends of their arms, with the foot of each mast.
+
+    Raises FormatError for an arm without a bearing, or with a length or bearing out of range.
+    """
+    feet = poses.assign(foot_x_m=poses.x_m, foot_y_m=poses.y_m)
+    if "arm_m" not in poses:
+        return feet
+    if "bearing_deg" not in poses:
+        raise FormatError(f"{file}:1: expected the column bearing_deg beside arm_m, got none")
+    for name, low, high in (("arm_m", 0.0, MOST_ARM_M), ("bearing_deg", -360.0, 360.0)):
+        wrong = ~poses[name].between(low, high)
+        if wrong.any():
+            row = int(np.flatnonzero(wrong)[0])
+            raise FormatError(
+                f"{file}:{row + 2}: {name}: expected {low:g} to {high:g}, got {poses[name][row]:g}"
+            )
+    bearing = np.radians(poses.bearing_deg)
+    return feet.assign(
+        x_m=poses.x_m + poses.arm_m * np.sin(bearing),
+        y_m=poses.y_m + poses.arm_m * np.cos(bearing),
+        kind=np.where(poses.arm_m > 0, "arm", "file"),
+    )
+
+
+def given_places(poses: pd.DataFrame) -> IntArray:
+    """Returns the number of the position of each pose of the user (n,), and -1 for other poses.
+
+    Every pose is -1 if the user gave more than MOST_GIVEN positions.
+    """
+    place = poses.groupby(POSE[:2], sort=False).ngroup().to_numpy()
+    given = poses.kind.isin(GIVEN).to_numpy()
+    few = len(np.unique(place[given])) <= MOST_GIVEN
+    return np.where(given & few, place, -1)
+
+
 def turned(poses: pd.DataFrame, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
     """Returns the poses with each yaw and pitch, and the column `turn`.
 
     `turn` is 0 for the pose of LiDARs that see all around, which need no other.
     """
+    if "foot_x_m" not in poses:
+        poses = poses.assign(foot_x_m=poses.x_m, foot_y_m=poses.y_m)
     if "yaw_deg" not in poses:
         to_centre = site.centre - poses[["x_m", "y_m"]].to_numpy(float)
         yaw = np.degrees(np.arctan2(to_centre[:, 1], to_centre[:, 0])).round(1)
@@ -159,7 +203,7 @@ def turned(poses: pd.DataFrame, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
     if "pitch_deg" not in poses:
         parts = [poses.assign(pitch_deg=p) for p in grid.pitches_deg]
         poses = pd.concat(parts, ignore_index=True)
-    columns = ["kind", "existing", *POSE, "turn"]
+    columns = ["kind", "existing", *POSE, "turn", *FOOT]
     table = poses[columns].drop_duplicates(POSE).sort_values(POSE, ignore_index=True)
     ground, _ = nearest_roads(site.roads, table[["x_m", "y_m"]].to_numpy(float))
     table.insert(5, "height_m", table.z_m - ground)

@@ -29,6 +29,11 @@ class Units:
     existing: BoolArray  # (n,) whether the pole exists already
     lidars: Sequence[PlanLidar]  # (n,)
     costs: Costs
+    given: IntArray | None = None  # (n,) number of the user's position, else -1; None: none is
+
+    def given_at(self, unit: int) -> int:
+        """Returns the number of the user's position of a unit, -1 for a pose that was made."""
+        return -1 if self.given is None else int(self.given[unit])
 
     def parts(self, units: Sequence[int]) -> dict[str, Range]:
         """Returns the lines of the price of an option over the years."""

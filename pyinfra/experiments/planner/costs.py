@@ -60,6 +60,10 @@ class Costs:
     def unconfirmed(self) -> list[str]:
         return [item for item, source in self.sources.items() if "unconfirmed" in source]
 
+    @property
+    def without_source(self) -> list[str]:
+        return [item for item, source in self.sources.items() if not source]
+
     def computers(self, lidars: int) -> int:
         return math.ceil(max(1e-9, lidars * self.latency_ms) / (CORES * self.frame_ms))
 
@@ -112,5 +116,5 @@ def read_costs(file: Path | None, years: float, detectability: Detectability) ->
     if missing:
         raise FormatError(f"{file}: item: expected a row for {missing[0]}, got none")
     lines = {one.item: Range(one.low, one.high) for one in table.itertuples()}
-    sources = {one.item: str(one.source) for one in table.itertuples()}
+    sources = {one.item: str(one.source or "") for one in table.fillna("").itertuples()}
     return Costs(lines, sources, years, detectability.latency_ms)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import pandas as pd
 
 from pyinfra.experiments.planner.answer import LISTED
+from pyinfra.experiments.planner.candidates import FOOT, given_places
 from pyinfra.experiments.planner.choice import (
     Choice,
     Units,
@@ -109,15 +110,17 @@ def first_at_each_place(options: Sequence[Choice], units: Units) -> list[Choice]
 
     The others differ from an earlier one in height, pitch or yaw only.
     """
-    first: dict[tuple[tuple[int, str], ...], Choice] = {}
+    first: dict[tuple[tuple[int, int, str], ...], Choice] = {}
     for one in options:
         first.setdefault(_stands(one, units), one)
     return list(first.values())
 
 
-def _stands(one: Choice, units: Units) -> tuple[tuple[int, str], ...]:
-    """Returns the number of the pole and the LiDAR of each unit."""
-    return tuple(sorted((int(units.place[u]), units.lidars[u].name) for u in one.units))
+def _stands(one: Choice, units: Units) -> tuple[tuple[int, int, str], ...]:
+    """Returns the numbers of the pole and of the user's position, and the LiDAR, of each unit."""
+    return tuple(
+        sorted((int(units.place[u]), units.given_at(u), units.lidars[u].name) for u in one.units)
+    )
 
 
 def with_bound(one: Choice, options: Sequence[Choice], units: Units, request: Request) -> Choice:
@@ -134,6 +137,7 @@ def considered(units: Units, request: Request) -> list[Choice]:
     if not alone:
         return []
     options = first_at_each_place(alone, units)[:SHOWN] + best_of_each_lidar(alone, units)
+    options += best_at_given_places(alone, units)
     if request.units >= 2:
         two = pairs(units, request.budget_usd, request.poles, request.lidars_per_pole)
         options += first_at_each_place(two, units)[:SHOWN]
@@ -164,6 +168,15 @@ def best_of_each_lidar(alone: Sequence[Choice], units: Units) -> list[Choice]:
     return list(first.values())
 
 
+def best_at_given_places(alone: Sequence[Choice], units: Units) -> list[Choice]:
+    """Returns the best option of one unit at each position that the user gave."""
+    first: dict[int, Choice] = {}
+    for one in alone:
+        if (at := units.given_at(one.units[0])) >= 0:
+            first.setdefault(at, one)
+    return list(first.values())
+
+
 def units_of(
     race: Race,
     poses: pd.DataFrame,
@@ -176,8 +189,7 @@ def units_of(
     stayed = race.stayed
     probability = detection_probabilities(race.seen, len(stayed), race.objects, law, request)
     of_pose = poses.iloc[stayed.pose.to_numpy()]
-    place = of_pose.groupby(["x_m", "y_m"], sort=False).ngroup().to_numpy()
-    existing = of_pose.existing.to_numpy(bool)
-    return Units(
-        probability, race.objects.weight, place, existing, [lidars[i] for i in stayed.lidar], costs
-    )
+    place = of_pose.groupby(FOOT, sort=False).ngroup().to_numpy()
+    existing, given = of_pose.existing.to_numpy(bool), given_places(of_pose)
+    of_units = [lidars[i] for i in stayed.lidar]
+    return Units(probability, race.objects.weight, place, existing, of_units, costs, given)

@@ -161,13 +161,14 @@ def plan(
     poles, lidars_per_pole : most poles, and most LiDARs on one pole
     lidars : names or files of LiDARs; by default all of the catalogue
     detector : `generalist` for the pretrained detector, or `background`
-    poses : CSV file of poses (x_m, y_m; z_m, yaw_deg, pitch_deg, existing); by default they are
-        made along kerbs, medians and walls
+    poses : CSV file of poses (x_m, y_m; z_m, yaw_deg, pitch_deg, existing, arm_m, bearing_deg), of
+        which each position has an option; by default they are made along kerbs, medians and walls
     grid : spacing, heights and directions of the poses that are made
     people : weight of a pedestrian relative to a vehicle in the choice
     areas : CSV file of areas with other weights, such as crossings (name, x_m, y_m, radius_m;
         weight, class); the answer has the share found in each
-    centre_m : x y from which `within_m` is measured; by default the middle of the first junction
+    centre_m : x y from which `within_m` is measured; by default the middle of the first junction,
+        or of the largest one near the mount of an imported map
     costs : CSV file of costs (item, per, low, high, source); by default that of the package
     years : years of use that the price includes
     preset, seed : preset of the LiDARs, and seed of the traffic
@@ -333,7 +334,7 @@ def chosen(
             predicted(options[0].units).cut,
             before,
             steps.check_frames,
-            cases_of(site, len(parts)),
+            cases_of(site, parts),
             steps.tell,
         )
         sensitivity = with_rows(sensitivity, list(changed))

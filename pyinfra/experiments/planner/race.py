@@ -2,7 +2,8 @@
 
 After each stage a pair of pose and LiDAR is left out if it is worse than the best pair of its
 LiDAR, by a one-sided interval of the paired difference per frame. Where an option may have several
-LiDARs, it stays too if, with its best partner, it may be as good as the best two.
+LiDARs, it stays too if, with its best partner, it may be as good as the best two. The best pair at
+each position that the user gave always stays.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from scipy import special
 
 from pyinfra.core.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from pyinfra.experiments.planner.areas import weighted
+from pyinfra.experiments.planner.candidates import given_places
 from pyinfra.experiments.planner.detectability import (
     CUT,
     Detectability,
@@ -144,8 +146,10 @@ def race(
         if end >= min(request.frames, len(site.frames)):
             break
         stay = contenders(probability, per_frame, pairs, alive, objects, request)
+        always = best_given(given_places(poses)[at[:, 0]], pairs, alive)
+        stay |= always
         pairs.loc[alive & ~stay, "left_out"] = f"worse after {end} frames"
-        limited = limit(stay, pairs, request, end)
+        limited = limit(stay, pairs, request, end) | always
         pairs.loc[stay & ~limited, "left_out"] = f"over the limit of pairs after {end} frames"
         alive = limited
     stayed = np.flatnonzero(alive)
@@ -218,6 +222,17 @@ def is_worse(sums: FloatArray, best: FloatArray, confidence: float) -> BoolArray
         return np.zeros(len(sums), bool)
     error = gap.std(1, ddof=1) / np.sqrt(frames)
     return np.asarray(gap.mean(1) > special.stdtrit(frames - 1, confidence) * error + 1e-12)
+
+
+def best_given(given: IntArray, pairs: pd.DataFrame, alive: BoolArray) -> BoolArray:
+    """Returns which pairs are the best of those left at a position of the user.
+
+    given: number of the position of each pair, -1 for poses that were made
+    """
+    best = np.zeros(len(pairs), bool)
+    some = pairs[alive & (given >= 0)]
+    best[some.groupby(given[some.index]).recall.idxmax().to_numpy(int)] = True
+    return best
 
 
 def limit(stay: BoolArray, pairs: pd.DataFrame, request: Request, frames: int) -> BoolArray:

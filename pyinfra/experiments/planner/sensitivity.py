@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.dataset.loading import with_meshes
 from pyinfra.experiments.planner.check import (
     Found,
     Parts,
@@ -40,6 +41,14 @@ NOTHING_DETECTED = Interval(0.0, 0.0, 0.0)
 RAIN_MM_PER_H = 25.0  # heavy rain
 FURTHER_M, LOWER_M, TILT_DEG, YAW_DEG = 2.0, 0.5, 0.5, 0.5
 WITH_WEATHER = "datasheet"  # the preset whose LiDARs detect by received power
+LANE_M = 3.5
+LORRY_SIZE_M = (12.0, 2.55, 4.0)  # largest lorry of two or three axles in the EU (96/53/EC)
+CLEARANCE_M = 0.3  # below its body
+LORRY_M = 9.0  # from the middle of the lorry
+BOX_FACES = [  # of the corners of a box: the lower four, then the upper four
+    (0, 2, 1), (0, 3, 2), (4, 5, 6), (4, 6, 7), (0, 1, 5), (0, 5, 4),
+    (1, 2, 6), (1, 6, 5), (2, 3, 7), (2, 7, 6), (3, 0, 4), (3, 4, 7),
+]  # fmt: skip
 DENSITY = "traffic.vehicles_per_km_lane"
 
 Predict = Callable[[tuple[int, ...]], Prediction]
@@ -54,10 +63,11 @@ class Case:
     scene: Mapping[str, object] = field(default_factory=dict)
     lost: int | None = None  # number of a LiDAR that fails
     yaw_error_deg: float = 0.0
+    without: tuple[float, float] | None = None  # x y; objects within LORRY_M of it do not count
 
 
-def cases_of(site: PlanSite, lidars: int) -> list[Case]:
-    """Returns the cases of `what_if` that a site and a number of LiDARs allow."""
+def cases_of(site: PlanSite, parts: Parts) -> list[Case]:
+    """Returns the cases of `what_if` that a site and an option allow."""
 
     def further(pose: FloatArray) -> FloatArray:
         away = pose[:2] - site.centre
@@ -72,15 +82,48 @@ def cases_of(site: PlanSite, lidars: int) -> list[Case]:
             lambda pose: pose + np.array([0, 0, 0, 0, TILT_DEG]),
         ),
         Case(f"yaw error {YAW_DEG:g} degrees", yaw_error_deg=YAW_DEG),
+        standing_lorry(site, np.array(parts[0][0][:2], float)),
     ]
     if not site.recorded and (density := density_of(site)):
         cases.append(Case("twice the traffic", scene={DENSITY: min(100.0, 2 * density)}))
     if site.preset == WITH_WEATHER:
         cases.append(Case(RAIN, scene={"weather.rain_mm_per_h": RAIN_MM_PER_H}))
         cases.append(Case("night", scene={"weather.sunlight_klux": 0}))
-    if lidars > 1:
-        cases += [Case(f"LiDAR {k + 1} lost", lost=k) for k in range(lidars)]
+    if len(parts) > 1:
+        cases += [Case(f"LiDAR {k + 1} lost", lost=k) for k in range(len(parts))]
     return cases
+
+
+def standing_lorry(site: PlanSite, mast: FloatArray) -> Case:
+    """Returns the case of a lorry that stands in the lane between a mast (x y) and the centre.
+
+    The lorry is a static box. Vehicles near it do not count, because recorded traffic drives
+    through it.
+    """
+    middle = (mast + site.centre) / 2
+    road = min(site.roads, key=lambda one: np.hypot(*(one.xy - middle).T).min())
+    k = int(np.hypot(*(road.xy - middle).T).argmin())
+    left = np.array([-np.sin(road.heading[k]), np.cos(road.heading[k])])
+    aside = max(0.0, float(road.half_width[k]) - LANE_M / 2)
+    at = road.xy[k] + left * aside * np.sign((mast - road.xy[k]) @ left)
+    along = np.array([np.cos(road.heading[k]), np.sin(road.heading[k])])
+    length, width, height = LORRY_SIZE_M
+    foot = [
+        at + a * length / 2 * along + b * width / 2 * left
+        for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    ]
+    z = float(road.z[k])
+    corners = [[*xy, z + h] for h in (CLEARANCE_M, height) for xy in foot]
+    meshes = with_meshes(site.file, [("structure", corners, BOX_FACES)])
+    return Case("a lorry standing in a lane", scene={"meshes": meshes}, without=(at[0], at[1]))
+
+
+def away_from(found: Found, at: tuple[float, float] | None) -> Found:
+    """Returns what was found without the objects within LORRY_M of a place."""
+    if at is None:
+        return found
+    away = np.hypot(found.objects.x - at[0], found.objects.y - at[1])
+    return replace(found, objects=found.objects[away > LORRY_M].reset_index(drop=True))
 
 
 RAIN = f"rain {RAIN_MM_PER_H:g} mm/h"
@@ -114,8 +157,9 @@ def changed_rows(
             site, moved, detector, cut, frames,
             scene=case.scene, yaw_error_deg=case.yaw_error_deg,
         )  # fmt: skip
+        found, same = away_from(found, case.without), away_from(before, case.without)
         counted = near_vehicles(found, site, within_m)
-        change = paired(before, found, site, within_m)
+        change = paired(same, found, site, within_m)
         row = {"case": case.name, "option": 1, "chosen": "yes", "source": SIMULATED}
         yield row | ends("recall", share(found, counted), 100) | ends("change", change, 100)
         progress(f"what if: {case.name}")

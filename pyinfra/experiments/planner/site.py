@@ -22,9 +22,11 @@ from pyinfra.dataset.frame_sequence import roads_of_world
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.roads import Road
 from pyinfra.scenes.maps.map_file import FORMATS, PACKED
-from pyinfra.scenes.maps.site_folder import check_metres, scene_of
+from pyinfra.scenes.maps.network import read_network
+from pyinfra.scenes.maps.site_folder import NET, check_metres, scene_of
 
 LEAST_TO_SPLIT = 6  # frames of recorded traffic below which all of them serve every purpose
+NEAR_M = 80.0  # distance from the mount within which a junction of a map is the centre
 PATTERN_FRAMES = 200  # frames after which the prisms of the Livox LiDARs repeat
 GOLDEN = (math.sqrt(5) - 1) / 2
 
@@ -100,7 +102,7 @@ def open_site(
             f"scene: expected traffic in the evaluation region, got none in {len(order)} frames; "
             "`traffic`, `trajectories` or `people` of the scene file add objects"
         )
-    centre = np.array(centre_m if centre_m else middle_of(keys, roads))
+    centre = np.array(centre_m if centre_m else middle_of(keys, roads, file.parent / NET))
     name = str(keys.get("name", file.stem))
     return PlanSite(
         file, name, preset, seed, mount, keys, roads, count, order, present, centre, observer,
@@ -185,14 +187,21 @@ def present_objects(observer: simulation.Observer, frames: Sequence[int]) -> pd.
     return table
 
 
-def middle_of(keys: dict[str, Any], roads: tuple[Road, ...]) -> FloatArray:
-    """Returns the middle of the first junction, or the region's road point next to the mount."""
+def middle_of(keys: dict[str, Any], roads: tuple[Road, ...], net: Path) -> FloatArray:
+    """Returns the middle of the first junction, or the region's road point next to the mount.
+
+    Of an imported map, the junction is that with most connections near the first mount.
+    """
     mount = next(iter(keys["mounts"].values()))
     foot = np.array([mount["x_m"], mount["y_m"]])
     named = [one for one in keys.get("junctions") or [] if one.get("roads")]
     middle = junction_middle(named[0], roads) if named else None
     if middle is not None:
         return middle
+    junctions = read_network(net, lanes=False).junctions if net.is_file() else []
+    near = [(n, -math.dist(at, foot), *at) for n, *at in junctions if math.dist(at, foot) < NEAR_M]
+    if near:
+        return np.array(max(near)[2:])
     every = np.concatenate([road.xy for road in roads])
     return np.asarray(every[np.hypot(*(every - foot).T).argmin()])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -14,13 +15,16 @@ from pyinfra.formats.yaml_file import read_keys
 from pyinfra.scenes.maps import site_folder
 from pyinfra.scenes.maps.lane_comparison import AGAINST
 from pyinfra.scenes.maps.site_folder import MAP, NET
-from pyinfra.scenes.maps.tracks import lasts_s
+from pyinfra.scenes.maps.tracks import Track, lasts_s
 from pyinfra.scenes.maps.traffic import simulate
 from pyinfra.scenes.maps.traffic_demand import Demand
 from pyinfra.scenes.maps.traffic_figures import report_lines
 from pyinfra.scenes.maps.trajectory_file import NAME, write_trajectories
 
 RECORD = "traffic.yaml"  # the arguments of the simulation that wrote the trajectories
+DRIVEN = "vehicles_per_hour_driven"  # key of the record
+LEAST_SHARE = 0.8  # of the vehicles asked for, below which the network cannot carry them
+NO_VEHICLES = ("Pedestrian", "Cyclist")
 
 
 def has_traffic(site: Path, demand: Demand, seconds: float, seed: int) -> bool:
@@ -58,6 +62,27 @@ def _check_directions(site: Path) -> None:
         )
 
 
+def driven_per_hour(tracks: Sequence[Track], seconds: float) -> int:
+    """Returns the vehicles that appear after the first instant, per hour."""
+    names = {t.name for t in tracks if t.first > 0 and t.object_class not in NO_VEHICLES}
+    return round(len(names) * 3600 / seconds)
+
+
+def lacking_traffic(site: Path) -> str:
+    """Returns a text if fewer vehicles drive at a site than were asked for, else "".
+
+    A network that is full lets the others wait outside.
+    """
+    record = read_keys(site / RECORD) if (site / RECORD).is_file() else {}
+    wanted, driven = (float(record.get(key) or 0) for key in ("vehicles_per_hour", DRIVEN))
+    if DRIVEN not in record or driven >= LEAST_SHARE * wanted:
+        return ""
+    return (
+        f"{wanted:,.0f} vehicles an hour were asked for, and {driven:,.0f} drive: the network "
+        "cannot carry more"
+    )
+
+
 def write_traffic(site: Path, demand: Demand, seconds: float, seed: int) -> list[str]:
     """Writes trajectories.csv of a site, sets its duration, and returns the lines of a report.
 
@@ -68,11 +93,15 @@ def write_traffic(site: Path, demand: Demand, seconds: float, seed: int) -> list
     feet = site_folder.feet(site)
     traffic = simulate(site / NET, feet, demand, seconds, seed)
     write_trajectories(site / NAME, traffic.tracks)
-    write(site / RECORD, yaml.safe_dump(_arguments(demand, seconds, seed), sort_keys=False))
+    driven = driven_per_hour(traffic.tracks, seconds)
+    arguments = {**_arguments(demand, seconds, seed), DRIVEN: driven}
+    write(site / RECORD, yaml.safe_dump(arguments, sort_keys=False))
     site_folder.set_duration(site, lasts_s(traffic.tracks))
     notes = [f"{name}: left out: smoothing failed" for name in traffic.rough]
     if traffic.unrouted:
         text = f"{len(traffic.unrouted)} of {traffic.asked} trips left out: no valid route"
         notes.insert(0, text)
     notes += [f"{name}: left out: it overlaps another object" for name in traffic.overlapping]
+    if text := lacking_traffic(site):
+        notes.insert(0, text)
     return list(report_lines(site / NAME, traffic.tracks, feet, notes))
