@@ -28,7 +28,7 @@ from pyinfra.scenes.maps.site_writer import write_site, yaml_text
 from pyinfra.scenes.maps.surfaces import surfaces
 
 MOST_TRIANGLES = 20_000_000
-VERSION = 4  # version of the import's output
+VERSION = 5  # version of the import's output
 
 
 @dataclass(frozen=True)

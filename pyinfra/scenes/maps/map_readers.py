@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.scenes.maps import openstreetmap, osm_buildings, osm_features, osm_levels
+from pyinfra.scenes.maps import (
+    openstreetmap,
+    osm_buildings,
+    osm_features,
+    osm_lanes,
+    osm_levels,
+)
 from pyinfra.scenes.maps.lane_comparison import bodies_on_lanes, lane_differences
 from pyinfra.scenes.maps.lane_map import (
     FARTHEST_IN_MAP_M,
@@ -86,20 +92,21 @@ def _from_osm(
         raise MapError(f"{file}: centre: expected lon,lat in degrees, got {centre}")
     streets.check_centre(centre, file, options.radius_m)
     levels = osm_levels.find_levels(streets, centre, options.radius_m)
+    side = options.traffic_side or streets.traffic_side()
+    swapped = side == "left" and osm_lanes.has_sides(streets)
     source = file
-    if levels.heights or streets.deleted or streets.rearranged:
+    if levels.heights or streets.deleted or streets.rearranged or swapped:
         source = scratch / "levelled.osm"
-        osm_levels.write_levelled(file, source, streets, levels)
+        osm_levels.write_levelled(file, source, streets, levels, swapped=swapped)
     lon, lat = centre
     reach = options.radius_m / 111_000
     wide = reach / max(0.05, math.cos(math.radians(lat)))
     box = f"{lon - wide},{lat - reach},{lon + wide},{lat + reach}"
     projection = f"+proj=tmerc +lat_0={lat!r} +lon_0={lon!r} +k=1 +ellps=WGS84 +units=m +no_defs"
-    bare = osm_features.edges_without_sidewalk(streets)
+    bare = osm_features.edges_without_sidewalk(streets, side or "right")
     arguments = without_sidewalk(bare, scratch / "sidewalks.netccfg")
     arguments += ["--osm-files", str(source), *OSM, "--proj", projection]
     arguments += ["--offset.disable-normalization", "--keep-edges.in-geo-boundary", box]
-    side = options.traffic_side or streets.traffic_side()
     arguments += ["--lefthand"] if side == "left" else []
     warnings = netconvert(file, arguments, folder / NET)
     site_map = _network_map(file, folder, options)
@@ -107,6 +114,7 @@ def _from_osm(
     site_map.lanes = osm_features.without_kerb_at_crossings(site_map.lanes, streets)
     osm_buildings.add_surroundings(site_map, streets, centre, options.radius_m)
     site_map.not_understood += bodies_on_lanes(site_map.bodies, site_map.lanes)
+    site_map.not_understood += osm_lanes.lane_notes(streets, site_map.lanes)
     site_map.guessed += ["sidewalks and crossings", "traffic lights", "widths of lanes"]
     if options.traffic_side is None:
         why = "as in its roundabouts" if side else "the map does not show the side"

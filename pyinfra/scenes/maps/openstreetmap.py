@@ -68,6 +68,15 @@ class Way:
     tags: dict[str, str]
 
 
+@dataclass(frozen=True)
+class Multipolygon:
+    """A building of several ways. `members` are ids of ways with their roles."""
+
+    id: str
+    members: list[tuple[str, str]]
+    tags: dict[str, str]
+
+
 @dataclass
 class StreetMap:
     """The content of an OSM file. Positions are lon, lat in degrees."""
@@ -75,6 +84,8 @@ class StreetMap:
     nodes: dict[str, tuple[float, float]] = field(default_factory=dict)
     # Id, node ids and tags of each building.
     houses: list[tuple[str, list[str], dict[str, str]]] = field(default_factory=list)
+    multipolygons: list[Multipolygon] = field(default_factory=list)
+    outlines: dict[str, list[str]] = field(default_factory=dict)  # node ids of ways without traffic
     trees: list[tuple[str, dict[str, str]]] = field(default_factory=list)  # node ids and tags
     ways: list[Way] = field(default_factory=list)
     # Ids and tags of nodes with street features, such as stops and signals.
@@ -201,6 +212,8 @@ def _read_element(node: Element, street_map: StreetMap, file: Path) -> None:
             if nd.get("lon") is not None:
                 street_map.rearranged = True
                 street_map.nodes.setdefault(nd.get("ref", ""), _lon_lat(nd, file))
+        if "highway" not in tags:
+            street_map.outlines[name] = ids
         if tags.get("building", "no") != "no":
             street_map.houses.append((name, ids, tags))
         elif "highway" in tags or tags.get("railway") in RAILWAYS:
@@ -212,8 +225,10 @@ def _read_element(node: Element, street_map: StreetMap, file: Path) -> None:
             street_map.others.append(f"way {name}: {kind}, left out")
     elif tags.get("type") == "lanelet":
         street_map.lanelets += 1
-    elif "building" in tags:
-        street_map.others.append(f"relation {name}: building of several outlines, left out")
+    elif tags.get("building", "no") != "no":
+        members = [(m.get("ref", ""), m.get("role", "")) for m in node.iterfind("member")]
+        members = [(ref, role or "outer") for ref, role in members]
+        street_map.multipolygons.append(Multipolygon(name, members, tags))
 
 
 def is_deleted(node: Element) -> bool:

@@ -19,6 +19,7 @@ from pyinfra.scenes.maps.openstreetmap import (
     metres,
     transverse_mercator,
 )
+from pyinfra.scenes.maps.osm_relations import buildings, with_holes
 from pyinfra.scenes.maps.surfaces import contains
 
 LEVEL_M = 3.0  # height of a storey
@@ -73,14 +74,16 @@ def building_bodies(
 ) -> tuple[list[MapBody], list[str]]:
     """Returns the bodies of a building with an outline (n, 2), and notes on its parts.
 
+    `name` is that of its element, such as `way 5`.
+
     A roof is a slab. A building with `min_height` has an open space below. A passage is open up to
     its height, between two parts of the ground floor.
     """
-    source = f"way {name}: building"
+    source = f"{name}: building"
     if tags.get("building") in ROOFS or tags.get("building:part") in ROOFS:
         base = max(height_m - SLAB_M, base_m, 0.1)
         slab = MapBody(outline, max(height_m - base, 0.1), None, True, base, source)
-        return [slab], [f"way {name}: roof: a slab of {SLAB_M:g} m, open below"]
+        return [slab], [f"{name}: roof: a slab of {SLAB_M:g} m, open below"]
     if 0 < base_m < height_m:
         return [MapBody(outline, height_m - base_m, None, True, base_m, source)], []
     for road in roads:
@@ -93,7 +96,7 @@ def building_bodies(
         across = np.array([-ahead[1], ahead[0]]) / max(float(np.hypot(*ahead)), 1e-9)
         beside = [_clipped(outline, road.line[0], s * across, road.half_width_m) for s in (1, -1)]
         lower = [MapBody(part, clear, name=source) for part in beside if len(part) >= 3]
-        text = f"way {name}: passage of way {road.name}: open up to {clear:g} m"
+        text = f"{name}: passage of way {road.name}: open up to {clear:g} m"
         return [upper, *lower], [text]
     return [MapBody(outline, height_m, name=source)], []
 
@@ -118,27 +121,35 @@ def add_surroundings(
 ) -> None:
     """Adds buildings and trees within the radius to the site map."""
     heights, roads = [], passages(map_, centre)
-    for name, ids, tags in map_.houses:
+    for building in buildings(map_):
+        if isinstance(building, str):
+            site_map.not_understood.append(building)
+            continue
+        name, ids, tags = building.source, building.nodes, building.tags
         if not all(i in map_.nodes for i in ids):
-            site_map.not_understood.append(f"way {name}: building with missing nodes, left out")
+            site_map.not_understood.append(f"{name}: building with missing nodes, left out")
             continue
         outline = transverse_mercator(np.array([map_.nodes[i] for i in ids]), centre)
-        outline = outline[:-1] if ids[0] == ids[-1] else outline
         if np.hypot(*outline.mean(0)) > radius_m:
             continue
         x, y = outline.mean(0)
         if len(outline) < 3 or crosses_itself(outline):
-            text = f"way {name}: building at {x:.1f} {y:.1f} without a valid outline, left out"
+            text = f"{name}: building at {x:.1f} {y:.1f} without a valid outline, left out"
             site_map.not_understood.append(text)
             continue
         if is_underground(tags):
-            site_map.not_understood.append(f"way {name}: building below the ground, left out")
+            site_map.not_understood.append(f"{name}: building below the ground, left out")
             continue
         height, is_known = _height(tags)
         heights.append(is_known)
         base_m = metres(tags.get("min_height", ""))
         levels = metres(tags.get("building:min_level", ""))
         base_m = base_m or (levels * LEVEL_M if levels else 0.0)
+        holes = [
+            transverse_mercator(np.array([map_.nodes[i] for i in hole]), centre)
+            for hole in building.holes
+        ]
+        outline = with_holes(outline, holes) if holes else outline
         bodies, notes = building_bodies(name, outline, height, base_m, tags, roads)
         site_map.bodies += bodies
         site_map.guessed += notes

@@ -52,14 +52,17 @@ def sides_without(tags: dict[str, str]) -> dict[str, str]:
     return sides
 
 
-def edges_without_sidewalk(map_: StreetMap) -> list[str]:
-    """Returns all names that netconvert may give to edges without a sidewalk in the map."""
+def edges_without_sidewalk(map_: StreetMap, traffic_side: str = "right") -> list[str]:
+    """Returns all names that netconvert may give to edges without a sidewalk in the map.
+
+    The lanes forward are on the side of the traffic.
+    """
     names = []
     for way in map_.ways:
         if "highway" not in way.tags:
             continue
         for side in sides_without(way.tags):
-            edge = way.id if side == "right" else f"-{way.id}"
+            edge = way.id if side == traffic_side else f"-{way.id}"
             names += [edge, *(f"{edge}#{k}" for k in range(max(len(way.nodes) - 1, 0)))]
     return names
 

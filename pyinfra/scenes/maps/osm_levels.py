@@ -27,6 +27,7 @@ from pyinfra.scenes.maps.openstreetmap import (
     side_of,
     transverse_mercator,
 )
+from pyinfra.scenes.maps.osm_lanes import swap_sides
 
 CLEARANCE_M = 6.0  # intended height difference between the surfaces of crossing roads
 LEAST_M = 4.5  # a crossing with a smaller height difference is reported
@@ -101,8 +102,10 @@ def find_levels(map_: StreetMap, centre: tuple[float, float], radius_m: float) -
     return out
 
 
-def write_levelled(file: Path, out: Path, map_: StreetMap, levels: Levels) -> None:
-    """Writes the map with heights and without deleted elements.
+def write_levelled(
+    file: Path, out: Path, map_: StreetMap, levels: Levels, *, swapped: bool = False
+) -> None:
+    """Writes the map with heights, without deleted elements; `swapped`: with `swap_sides`.
 
     Nodes are written first, because netconvert requires this order.
     """
@@ -124,6 +127,8 @@ def write_levelled(file: Path, out: Path, map_: StreetMap, levels: Levels) -> No
         for element in _kept(file, {"way", "relation"}):
             if element.tag == "way":
                 _set_nodes(element, levels.ways.get(element.get("id", "")), map_)
+                for tag in element.iterfind("tag") if swapped else ():
+                    swap_sides(tag)
             stream.write(ElementTree.tostring(element, encoding="unicode"))
         stream.write("</osm>\n")
 

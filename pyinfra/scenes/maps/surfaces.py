@@ -169,6 +169,9 @@ def ears(outline: FloatArray) -> IntArray:
             if _turn(outline[a], outline[b], outline[c]) <= 1e-9:
                 continue
             others = outline[[i for i in left if i not in (a, b, c)]]
+            # The ends of a cut to a hole are twice in the outline.
+            same = (others[:, None] == outline[[a, b, c]]).all(2).any(1)
+            others = others[~same]
             if not _inside(outline[[a, b, c]], others).any():
                 break
         else:  # the remaining polygon has no area
