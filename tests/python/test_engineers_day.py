@@ -124,10 +124,11 @@ def test_an_engineer_plans_a_junction_with_a_mast_and_its_arm(
 
 
 @pytest.mark.nightly
+@pytest.mark.timeout(1800)
 def test_the_day_at_full_size_ends_with_one_sheet(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], browser: Browser
 ) -> None:
-    site = make_site(tmp_path, "--seconds", "300")
+    site = make_site(tmp_path, "--seconds", "120")
     printed = capsys.readouterr().out
     out = tmp_path / "plan"
     assert main.main(plan_words(site, write_masts(tmp_path), out)) == 0

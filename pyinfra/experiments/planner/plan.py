@@ -43,6 +43,7 @@ from pyinfra.experiments.planner.decide import (
 from pyinfra.experiments.planner.detectability import Detectability, read_detectability
 from pyinfra.experiments.planner.front import (
     Front,
+    Goal,
     counted_of,
     front_of,
     front_options,
@@ -63,20 +64,21 @@ from pyinfra.experiments.planner.refusals import (
 )
 from pyinfra.experiments.planner.request import Request, checked
 from pyinfra.experiments.planner.sensitivity import (
-    RAIN,
     RAIN_MM_PER_H,
     WITH_WEATHER,
     cases_of,
     change_line,
     changed_rows,
     price_line,
+    rain_rows,
     table_of,
     with_rows,
 )
 from pyinfra.experiments.planner.site import PlanSite, open_site, other_traffic, scene_path
-from pyinfra.experiments.planner.tables import candidate_table, ends, option_table
+from pyinfra.experiments.planner.tables import candidate_table, option_table
 from pyinfra.experiments.planner.unseen import UNSEEN_FRAMES, observed_again
-from pyinfra.experiments.planner.verdict import PREDICTED, Standing, in_order
+from pyinfra.experiments.planner.verdict import Standing, in_order
+from pyinfra.metrics.comparison import Interval
 
 MOST_SIMULATED = 6  # options that are simulated in full, beside one of another kind
 RAIN_FRAMES = 24
@@ -268,19 +270,75 @@ def candidates(site: PlanSite, file: Path | None, request: Request, grid: PoseGr
     return with_faults(make_candidates(site, request.within_m, grid), site)
 
 
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """The options of a plan, the chosen one first, and what decides about them."""
+
+    options: list[Choice]
+    listed: int  # options in the table; the others are those of the front
+    units: Units
+    goals: tuple[Goal, ...]
+    standings: dict[tuple[int, ...], Standing]
+    found: dict[tuple[int, ...], Found]  # of the options that were simulated
+    predicted: Callable[[tuple[int, ...]], Prediction]
+    unseen: Race  # what is seen in other traffic than that of the choice
+    again: Callable[..., Race]  # observes options in the frames of a site
+
+    @property
+    def first(self) -> Choice:
+        return self.options[0]
+
+
 def chosen(
     steps: Steps, table: pd.DataFrame, *, what_if: bool, jobs: int, folder: Path | None
 ) -> Plan:
-    """Predicts and simulates the options of the pairs that stayed, and chooses among them.
+    """Compares the options of the pairs that stayed, and makes the tables and the answer.
 
     table: all poses, with their faults.
     """
+    site, request, law = steps.site, steps.request, steps.law
+    one = compare(steps, jobs=jobs, folder=folder)
+    moves = moves_of(one.options, one.units, one.standings, request)
+    sensitivity = table_of(one.options, one.standings, moves, one.units, one.predicted)
+    in_rain = recall_in_rain(steps, one)
+    sensitivity = with_rows(sensitivity, rain_rows(in_rain[:1]))
+    if what_if and steps.check_frames:
+        sensitivity = with_rows(sensitivity, what_if_rows(steps, one))
+
+    predictions = {choice.units: one.predicted(choice.units) for choice in one.options}
+    rows_of_all = option_table(
+        one.options, predictions, one.standings, steps.run.stayed, steps.poses, steps.lidars,
+        one.units, request,
+    )  # fmt: skip
+    by_option = {k: 100 * share.value for k, share in enumerate(in_rain, start=1)}
+    if site.preset == WITH_WEATHER:
+        rows_of_all["recall_in_rain"] = rows_of_all.option.map(by_option)
+    rows = rows_of_all[rows_of_all.option <= one.listed].copy()
+    every = candidate_table(table, steps.run.pairs, steps.poses, steps.lidars)
+    stands = [(choice, one.standings[choice.units]) for choice in one.options]
+    prices = price_line(moves, one.options, one.units, one.standings)
+    changes = [
+        " ".join(filter(None, [prices, few_positions(steps.poses, request)])),
+        change_line(sensitivity),
+    ]
+    answer = answer_of(
+        site, request, law, steps.costs, stands[: one.listed], rows, every, one.units, changes,
+        len(site.other_frames(steps.check_frames)),
+    )  # fmt: skip
+    probability = [predictions[choice.units].probability for choice in one.options]
+    front = front_of(
+        stands, rows_of_all, one.goals, probability, one.units, one.unseen.objects, law, request
+    )
+    return Plan(site, request, rows, every, sensitivity, answer, front, tuple(steps.lidars))
+
+
+def compare(steps: Steps, *, jobs: int, folder: Path | None) -> Compared:
+    """Predicts the options of the pairs that stayed in other traffic, and simulates the best."""
     site, request, law, run = steps.site, steps.request, steps.law, steps.run
     units = units_of(run, steps.poses, steps.lidars, steps.costs, law, request)
     goals = goals_of(site, run.objects, law, request)
     best = considered(units, request)
     options = options_of(best, front_options(units, goals, request), units, request)
-    frames = min(request.frames, UNSEEN_FRAMES)
     again = partial(
         observed_again,
         stayed=run.stayed,
@@ -290,7 +348,7 @@ def chosen(
         jobs=jobs,
         folder=folder,
     )
-    unseen = again(other_traffic(site, frames), options=options)
+    unseen = again(other_traffic(site, unseen_frames(request)), options=options)
     unseen = unseen if unseen.objects.near_vehicles.any() else run
     goals = with_objects(goals, site, unseen.objects, law, request)
     masks = masks_of(goals)
@@ -304,70 +362,46 @@ def chosen(
     if steps.check_frames:
         counted = counted_of(goals, site, law, request)
         found = simulate_best(steps, options, standings, units, counted, predicted)
-    options, count = listed(in_order(options, standings, request), best, units)
+    ordered, count = listed(in_order(options, standings, request), best, units)
+    return Compared(ordered, count, units, goals, standings, found, predicted, unseen, again)
 
-    predictions = {one.units: predicted(one.units) for one in options}
-    rows_of_all = option_table(
-        options, predictions, standings, run.stayed, steps.poses, steps.lidars, units, request
+
+def unseen_frames(request: Request) -> int:
+    return min(request.frames, UNSEEN_FRAMES)
+
+
+def recall_in_rain(steps: Steps, one: Compared) -> list[Interval]:
+    """Returns the predicted share of vehicles of each listed option in rain.
+
+    The list is empty if the preset has no weather or no vehicle is near.
+    """
+    if steps.site.preset != WITH_WEATHER:
+        return []
+    frames = min(unseen_frames(steps.request), RAIN_FRAMES)
+    wet_site = other_traffic(steps.site, frames, {"weather.rain_mm_per_h": RAIN_MM_PER_H})
+    options = one.options[: one.listed]
+    rainy = one.again(wet_site, options=options)
+    if not rainy.objects.near_vehicles.any():
+        return []
+    return [predict(rainy, choice.units, steps.law, steps.request).recall for choice in options]
+
+
+def what_if_rows(steps: Steps, one: Compared) -> list[dict[str, object]]:
+    """Returns a row for each change of the first option, simulated in the same frames."""
+    parts = parts_of(one.first, steps)
+    before = one.found.get(one.first.units) or simulate(steps, one.first, one.predicted)
+    rows = changed_rows(
+        steps.site,
+        parts,
+        steps.request.detector,
+        steps.request.within_m,
+        one.predicted(one.first.units).cut,
+        before,
+        steps.check_frames,
+        cases_of(steps.site, parts),
+        steps.tell,
     )
-    moves = moves_of(options, units, standings, request)
-    sensitivity = table_of(options, standings, moves, units, predicted)
-    if site.preset == WITH_WEATHER:
-        wet_site = other_traffic(
-            site, min(frames, RAIN_FRAMES), {"weather.rain_mm_per_h": RAIN_MM_PER_H}
-        )
-        rainy = again(wet_site, options=options[:count])
-        wet = [predict(rainy, one.units, law, request).recall for one in options[:count]]
-        row = {"case": RAIN, "option": 1, "chosen": "yes", "source": PREDICTED}
-        if rainy.objects.near_vehicles.any():
-            sensitivity = with_rows(sensitivity, [row | ends("recall", wet[0], 100)])
-        in_rain = {k: 100 * one.value for k, one in enumerate(wet, start=1)}
-        rows_of_all["recall_in_rain"] = rows_of_all.option.map(in_rain)
-    if what_if and steps.check_frames:
-        parts = parts_of(options[0], steps)
-        before = found.get(options[0].units) or simulate(steps, options[0], predicted)
-        changed = changed_rows(
-            site,
-            parts,
-            request.detector,
-            request.within_m,
-            predicted(options[0].units).cut,
-            before,
-            steps.check_frames,
-            cases_of(site, parts),
-            steps.tell,
-        )
-        sensitivity = with_rows(sensitivity, list(changed))
-    rows = rows_of_all[rows_of_all.option <= count].copy()
-    every = candidate_table(table, run.pairs, steps.poses, steps.lidars)
-    stands = [(one, standings[one.units]) for one in options]
-    changes = [
-        " ".join(
-            filter(
-                None,
-                [
-                    price_line(moves, options, units, standings),
-                    few_positions(steps.poses, request),
-                ],
-            )
-        ),
-        change_line(sensitivity),
-    ]
-    answer = answer_of(
-        site,
-        request,
-        law,
-        steps.costs,
-        stands[:count],
-        rows,
-        every,
-        units,
-        changes,
-        len(site.other_frames(steps.check_frames)),
-    )
-    probability = [predictions[one.units].probability for one in options]
-    front = front_of(stands, rows_of_all, goals, probability, units, unseen.objects, law, request)
-    return Plan(site, request, rows, every, sensitivity, answer, front, tuple(steps.lidars))
+    return list(rows)
 
 
 def simulate_best(

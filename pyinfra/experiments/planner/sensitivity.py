@@ -232,6 +232,12 @@ def with_rows(table: pd.DataFrame, rows: Sequence[dict[str, object]]) -> pd.Data
     return pd.concat([table[~table.case.isin(more.case)], more], ignore_index=True)
 
 
+def rain_rows(shares: Sequence[Interval]) -> list[dict[str, object]]:
+    """Returns the row of the first option in rain, if its predicted share is known."""
+    row = {"case": RAIN, "option": 1, "chosen": "yes", "source": PREDICTED}
+    return [row | ends("recall", share, 100) for share in shares[:1]]
+
+
 def price_line(
     moves: Sequence[Move], options: Sequence[Choice], units: Units, at: Standings
 ) -> str:
