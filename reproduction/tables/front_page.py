@@ -24,7 +24,7 @@ def far_points() -> list[str]:
     (seeds,) = set(rows.seeds)
     finding = (
         f"On far vehicles the Livox Avia has {paper} times the points of the best other LiDAR "
-        f"under [the study's settings](docs/first_steps.md#presets), {equal} at equal range, "
+        f"under [the study's settings](docs/quick_start.md#presets), {equal} at equal range, "
         f"{datasheet} by data sheets."
     )
     where = f"[highway](docs/results/points.md), beyond 90 m; {seeds} seeds"

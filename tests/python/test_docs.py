@@ -87,7 +87,6 @@ GIVEN = {
 # Their commands take 10 to 60 s and seldom fail, so only `make nightly` runs them.
 LONG_PAGES = (
     "cluster",
-    "first_steps",
     "generalist",
     "generated_sites",
     "gpu",
