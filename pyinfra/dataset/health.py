@@ -20,6 +20,7 @@ import numpy as np
 from pyinfra.core.arrays import AnyArray, FloatArray, IntArray, Points, Records
 from pyinfra.core.errors import FormatError
 from pyinfra.core.files import write
+from pyinfra.dataset.dead_lines import dead_lines, elevations_of
 from pyinfra.formats import kitti
 
 HEALTH_FILE = "health.csv"
@@ -62,6 +63,7 @@ class FrameHealth:
     lost_sectors_deg: int
     near_share: float
     problems: str  # words separated by a space; empty for a good frame
+    dead_lines: str  # numbers of lines without points in all frames, separated by a space
 
 
 @dataclass
@@ -75,6 +77,7 @@ class HealthMonitor:
     _ranges: list[FloatArray] = field(default_factory=list)
     _ground: list[FloatArray] = field(default_factory=list)
     _lines: list[IntArray] = field(default_factory=list)
+    _elevations: list[FloatArray] = field(default_factory=list)
     _near: list[float] = field(default_factory=list)
     _digests: list[bytes] = field(default_factory=list)
     _ends_s: list[float] = field(default_factory=list)
@@ -95,6 +98,7 @@ class HealthMonitor:
         self._ground.append(_lowest(x, y, z, distance))
         lines = np.zeros(0, dtype=np.int64) if records is None else np.bincount(records["ring"])
         self._lines.append(lines)
+        self._elevations.append(np.zeros(0) if records is None else elevations_of(points, records))
         times = np.zeros(1) if records is None or not len(records) else records["time_s"]
         self._ends_s.append(float(times.max()))
 
@@ -107,6 +111,9 @@ class HealthMonitor:
         reference = slice(0, max(min(count, len(self._numbers) // 3), LEAST_FRAMES))
         width = max(map(len, self._lines))
         lines = np.array([np.pad(line, (0, width - len(line))) for line in self._lines])
+        angles = [np.pad(a, (0, width - len(a)), constant_values=np.nan) for a in self._elevations]
+        dead = dead_lines(lines[reference], np.array(angles)[reference])
+        dead_text = " ".join(map(str, dead))
         sectors, ranges = np.array(self._sectors), np.array(self._ranges)
         ground = np.array(self._ground)
         usual = float(np.median([c for c in self._counts[reference] if c > 0] or [0]))
@@ -146,7 +153,7 @@ class HealthMonitor:
                 FrameHealth(
                     *(number, self._counts[i], round(share, 4), round(tilt, 3), round(lift, 3)),
                     *(round(turn, 1), int(lost_lines[i]), sectors_deg),
-                    *(round(self._near[i], 4), words),
+                    *(round(self._near[i], 4), words, dead_text),
                 )
             )
         return out
@@ -190,8 +197,12 @@ def health_text(health: Iterable[FrameHealth]) -> str:
     """
     rows = list(health)
     bad = [row for row in rows if row.problems]
+    dead = rows[0].dead_lines.split() if rows else []
+    always = ""
+    if dead:
+        always = f"no frame has points of the lines {', '.join(dead)}: the lasers may be broken"
     if not bad:
-        return ""
+        return always
     order = {row.frame: i for i, row in enumerate(rows)}
     texts = []
     for problem in dict.fromkeys(word for row in bad for word in row.problems.split()):
@@ -205,7 +216,8 @@ def health_text(health: Iterable[FrameHealth]) -> str:
         words = [f"{a} to {b}" if a < b else str(a) for a, b in ranges[:MOST_RANGES]]
         more = ", ..." if len(ranges) > MOST_RANGES else ""
         texts.append(f"{problem} (frames {', '.join(words)}{more})")
-    return f"{len(bad)} of {len(rows)} frames differ from the first minute: {'; '.join(texts)}"
+    text = f"{len(bad)} of {len(rows)} frames differ from the first minute: {'; '.join(texts)}"
+    return f"{text}; {always}" if always else text
 
 
 def write_health(file: Path, health: Iterable[FrameHealth]) -> None:

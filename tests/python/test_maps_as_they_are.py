@@ -12,9 +12,11 @@ from pyinfra.scenes.maps.lane_heights import on_lanes
 from pyinfra.scenes.maps.lane_map import MapBody, MapLane
 from pyinfra.scenes.maps.map_import import import_map
 from pyinfra.scenes.maps.map_readers import ImportOptions
+from pyinfra.scenes.maps.netconvert import netconvert
 from pyinfra.scenes.maps.osm_buildings import Passage, building_bodies, is_underground
 from pyinfra.scenes.maps.recorded_boxes import BoxColumns, read_boxes
 from pyinfra.scenes.maps.site_traffic import write_traffic
+from pyinfra.scenes.maps.sumo import SumoError
 from pyinfra.scenes.maps.surfaces import contains
 from pyinfra.scenes.maps.traffic_demand import Demand
 from pyinfra.scenes.maps.trajectory_import import import_boxes, import_fcd
@@ -91,6 +93,48 @@ def test_left_hand_traffic_is_refused_by_name(tmp_path: Path) -> None:
     assert sum(AGAINST in note for note in imported.record["not_understood"]) == 2
     with pytest.raises(Error, match="left-hand"):
         write_traffic(tmp_path / "site", Demand(900), 30, 1)
+
+
+@pytest.mark.parametrize("breaks", ["--crossings.guess", "--junctions.join", ""])
+def test_a_crash_of_netconvert_is_tried_again_without_an_option(
+    breaks: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With no option to blame, the message names what a user can do."""
+    runs = []
+
+    def run(name: str, words: list[str], *, longest_s: float) -> list[str]:
+        runs.append(words)
+        if breaks in words or not breaks:
+            error = SumoError("netconvert: no reason (exit -11)")
+            error.crashed = True
+            raise error
+        (tmp_path / "net.xml").write_text("<net></net>")
+        return []
+
+    monkeypatch.setattr("pyinfra.scenes.maps.netconvert.run_tool", run)
+    words = ["--junctions.join", "--crossings.guess", "--proj", "x"]
+    if breaks:
+        (warning,) = netconvert(tmp_path / "a.osm", words, tmp_path / "net.xml")
+        assert warning == f"netconvert crashed with {breaks} and ran without it"
+    else:
+        with pytest.raises(Error, match=r"exit -11\); use a smaller map"):
+            netconvert(tmp_path / "a.osm", words, tmp_path / "net.xml")
+        assert len(runs) == 3
+
+
+def test_an_error_of_netconvert_is_not_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs = []
+
+    def run(name: str, words: list[str], *, longest_s: float) -> list[str]:
+        runs.append(words)
+        raise SumoError("netconvert: no roads (exit 1)")
+
+    monkeypatch.setattr("pyinfra.scenes.maps.netconvert.run_tool", run)
+    with pytest.raises(Error, match=r"no roads \(exit 1\)$"):
+        netconvert(tmp_path / "a.osm", ["--junctions.join"], tmp_path / "net.xml")
+    assert len(runs) == 1
 
 
 def test_a_lanelet2_map_is_told_from_openstreetmap(tmp_path: Path) -> None:

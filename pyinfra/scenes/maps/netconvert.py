@@ -1,5 +1,6 @@
 """Converts maps to SUMO networks with SUMO's tool netconvert."""
 
+import contextlib
 import re
 import subprocess
 from collections.abc import Sequence
@@ -33,21 +34,47 @@ def without_sidewalk(edges: Sequence[str], file: Path) -> list[str]:
     return ["-c", str(file), "--osm.sidewalks"]
 
 
+# Options that make networks better, and that netconvert can do without. If netconvert crashes, it
+# runs again without one of them.
+OPTIONAL = (
+    *("--junctions.join", "--opendrive.internal-shapes", "--crossings.guess", "--ramps.guess"),
+    *("--roundabouts.guess", "--tls.join", "--geometry.remove"),
+)
+
+
 def netconvert(source: Path, arguments: Sequence[str], out: Path) -> list[str]:
     """Writes the network, and returns SUMO's warnings. Raises MapError and ImportError."""
     words = [*arguments, *DETAIL, "--output-file", str(out)]
     try:
-        warnings = run_tool("netconvert", words, longest_s=LONGEST_S)
+        warnings = _run(words)
     except subprocess.TimeoutExpired as error:
         raise MapError(
             f"{source}: netconvert of SUMO took more than {LONGEST_S:g} s; use a smaller map"
         ) from error
     except SumoError as error:
-        raise MapError(f"{source}: netconvert of SUMO failed: {error}") from error
+        advice = "; use a smaller map, or another version of SUMO" if error.crashed else ""
+        raise MapError(f"{source}: netconvert of SUMO failed: {error}{advice}") from error
     if not out.exists():
         raise MapError(f"{source}: netconvert of SUMO wrote no network")
     write(out, without_comments(out.read_text(encoding="utf-8")))
     return warnings
+
+
+def _run(words: Sequence[str]) -> list[str]:
+    """Runs netconvert. If it crashes, runs it without one of OPTIONAL, and adds a warning."""
+    try:
+        return run_tool("netconvert", words, longest_s=LONGEST_S)
+    except SumoError as error:
+        if not error.crashed:
+            raise
+        for option in OPTIONAL:
+            if option not in words:
+                continue
+            with contextlib.suppress(SumoError):
+                fewer = [word for word in words if word != option]
+                warnings = run_tool("netconvert", fewer, longest_s=LONGEST_S)
+                return [f"netconvert crashed with {option} and ran without it", *warnings]
+        raise
 
 
 def without_comments(text: str) -> str:

@@ -12,7 +12,12 @@ from pyinfra.core.errors import Error, missing
 
 
 class SumoError(Error):
-    """A SUMO program failed. The message is the first line of the program's errors."""
+    """A SUMO program failed. The message is the first line of the program's errors.
+
+    crashed: whether the program was ended by a signal, so that the message has no reason.
+    """
+
+    crashed: bool = False
 
 
 def sumo_folder() -> Path:
@@ -23,6 +28,7 @@ def sumo_folder() -> Path:
     return Path(spec.submodule_search_locations[0])
 
 
+CRASHED = 128  # larger exit codes are those of signals
 # The options of output files. The text is the last one of a complete file.
 _OUTPUTS = {"--output-file": b"</net>", "--fcd-output": b"</fcd-export>"}
 _FILES = {
@@ -62,7 +68,9 @@ def run_tool(name: str, arguments: Sequence[str], *, longest_s: float | None = N
     if done.returncode:
         errors = [line for line in lines if line.startswith("Error:")] or lines or ["no reason"]
         message = errors[0].removeprefix("Error: ")
-        raise SumoError(f"{name}: {message} (exit {done.returncode})")
+        failure = SumoError(f"{name}: {message} (exit {done.returncode})")
+        failure.crashed = done.returncode < 0 or done.returncode > CRASHED
+        raise failure
     return [line.removeprefix("Warning: ") for line in lines if line.startswith("Warning:")]
 
 

@@ -1,0 +1,52 @@
+"""Finds lines of a LiDAR without points from the first frame on, such as those of a dead laser.
+
+A line is missing if its neighbours have points, and the angle between them is that of two lines.
+Lines whose numbers do not follow their elevation are not judged, because a line without points may
+then look at the sky.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pyinfra.core.arrays import FloatArray, IntArray, Points, Records
+
+LEAST_LINES = 8  # recordings with fewer lines are not judged
+LEAST_POINTS = 20  # least median number of points of a line in a frame, beside a missing line
+WIDE = 1.6  # least angle between the neighbours of a missing line, in usual angles
+MOST_SHARE = 0.25  # with a larger share of missing lines, the numbers of lines mean something else
+
+
+def elevations_of(points: Points, records: Records) -> FloatArray:
+    """Returns the mean elevation (rings,) of the points (n, 4) of each line, rad; NaN if none."""
+    ring = records["ring"].astype(np.int64)
+    xyz = points[:, :3].astype(np.float64)
+    angle = np.arctan2(xyz[:, 2], np.hypot(xyz[:, 0], xyz[:, 1]))
+    counts = np.bincount(ring)
+    sums = np.bincount(ring, weights=angle)
+    return np.asarray(np.where(counts > 0, sums / np.maximum(counts, 1), np.nan))
+
+
+def dead_lines(counts: IntArray, elevations: FloatArray) -> list[int]:
+    """Returns the numbers of missing lines, from counts and elevations (frames, lines)."""
+    if counts.shape[1] < LEAST_LINES:
+        return []
+    usual = np.median(counts, axis=0)
+    alive = np.flatnonzero(usual >= LEAST_POINTS)
+    if len(alive) < LEAST_LINES:
+        return []
+    angle = np.nanmedian(elevations[:, alive], axis=0)
+    gaps = np.diff(angle)
+    if not ((gaps > 0).all() or (gaps < 0).all()):
+        return []
+    between = np.diff(alive)
+    step = np.abs(gaps)
+    single = float(np.median(step[between == 1])) if (between == 1).any() else np.inf
+    missing = []
+    for k in np.flatnonzero(between > 1):
+        inner = range(int(alive[k]) + 1, int(alive[k + 1]))
+        beside = [step[j] for j in (k - 1, k + 1) if 0 <= j < len(step) and between[j] == 1]
+        local = float(np.mean(beside)) if beside else single
+        if not counts[:, list(inner)].any() and step[k] > WIDE * local * (between[k] / 2):
+            missing += inner
+    return missing if len(missing) <= MOST_SHARE * (len(alive) + len(missing)) else []
