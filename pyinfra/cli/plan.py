@@ -166,6 +166,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "pitch or yaw, a lorry in a lane, twice the traffic, rain, night and a lost LiDAR, in the "
         "same frames",
     )
+    parser.add_argument(
+        "--count",
+        type=float,
+        metavar="SHARE",
+        help="also simulate 30 s of option 1 without gaps, track its vehicles and count their "
+        "passages; the answer says whether this share of the passages is counted, 0 to 1",
+    )
     parser.add_argument("--jobs", type=int, default=1, help="number of threads; default: 1")
 
 
@@ -197,6 +204,7 @@ def run(args: argparse.Namespace) -> int:
         frames=args.frames,
         check_frames=args.check_frames,
         what_if=args.what_if,
+        count=args.count,
         out=args.out,
         jobs=args.jobs,
         progress=lambda line: note(line, args),

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pyinfra.core.errors import Error
 from pyinfra.dataset.fused import fused
 from pyinfra.experiments.planner.check import Parts
 from pyinfra.experiments.planner.measure import detector_for, frames_at
@@ -29,7 +30,7 @@ WITHIN_M = 80.0  # largest distance of the vehicles whose speeds are compared
 
 
 @dataclass(frozen=True)
-class Counted:
+class Counting:
     """Passages of an option that were counted, and how exact its speeds are."""
 
     seconds: float
@@ -49,10 +50,8 @@ class Counted:
         return Interval(share, max(0.0, middle - half), min(1.0, middle + half))
 
 
-def count_option(
-    site: PlanSite, parts: Parts, detector: str, seconds: float = SECONDS
-) -> Counted | None:
-    """Simulates an option without gaps and counts its vehicles; None if no line can be drawn.
+def count_option(site: PlanSite, parts: Parts, detector: str, seconds: float = SECONDS) -> Counting:
+    """Simulates an option without gaps and counts its vehicles over the lines of the site's roads.
 
     The traffic is that of a seed that neither the choice nor the predictions have used or, for
     recorded traffic, its last part.
@@ -65,8 +64,8 @@ def count_option(
     sequence = fused(alone)
     try:
         lines = lines_of(sequence)
-    except ValueError:
-        return None
+    except Error:
+        return Counting(frames * site.period_s, 0, 0, 0, math.nan)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", ".* used on frames")  # the answer says it once
         tracks = track(detect(detector_for(sequence, detector), sequence), sequence)
@@ -74,7 +73,7 @@ def count_option(
     extra = int((result.passages.true_id < 0).sum())
     error = float(result.measures.speed_error_km_h)
     counted = len(result.passages) - extra
-    return Counted(
+    return Counting(
         frames * site.period_s,
         counted + len(result.missed),
         counted,
@@ -83,7 +82,7 @@ def count_option(
     )
 
 
-def count_line(found: Counted, wanted: float | None) -> str:
+def count_line(found: Counting, wanted: float | None) -> str:
     """Returns the line of an answer. wanted: share of the passages that must be counted."""
     if not found.passages:
         return f"Counts: no vehicle passes a line in {found.seconds:g} s of traffic."

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.core.names import path_of
 from pyinfra.core.progress import show_line
@@ -31,6 +32,7 @@ from pyinfra.experiments.planner.candidates import (
 from pyinfra.experiments.planner.check import Counted, Found, simulate_option, standing
 from pyinfra.experiments.planner.choice import Choice, Units
 from pyinfra.experiments.planner.costs import Costs, read_costs
+from pyinfra.experiments.planner.counting import Counting, count_line, count_option
 from pyinfra.experiments.planner.decide import (
     considered,
     first_at_each_place,
@@ -96,6 +98,7 @@ class Plan:
     candidates : a row for each pose and LiDAR that was considered
     sensitivity : what is chosen and found with other prices, a lost LiDAR, and what `what_if` adds
     front : the options that are best for some budget, wanted share, number of poles and LiDARs
+    counting : passages that tracks of option 1 counted, and its speeds; None if not asked for
     text : the answer in sentences
     """
 
@@ -107,6 +110,7 @@ class Plan:
     answer: Answer
     front: Front
     lidars: tuple[PlanLidar, ...]  # within the budget
+    counting: Counting | None = None
     above_budget: dict[str, float] = field(default_factory=dict)  # lowest price of other LiDARs
 
     @property
@@ -143,6 +147,7 @@ def plan(
     frames: int = 96,
     check_frames: int = 30,
     what_if: bool = False,
+    count: float | None = None,
     out: str | os.PathLike[str] | None = None,
     jobs: int = 1,
     progress: Callable[[str], None] | None = None,
@@ -178,6 +183,8 @@ def plan(
     check_frames : frames in which the best options are simulated in full, with three further
         traffic seeds; 0 for none
     what_if : also simulate option 1 with a changed mast, traffic, weather and a lost LiDAR
+    count : also simulate 30 s of option 1 without gaps, track its vehicles and count their
+        passages; the answer says whether this share of the passages is counted, 0 to 1
     out : folder for the tables and answer.txt; an interrupted plan resumes there
     jobs : number of threads
     progress : called with a line for each stage
@@ -221,6 +228,8 @@ def plan(
     folder = None if out is None else path_of(out, "out")
     law = read_detectability(detector)
     check_settings(law, request, centre_m, seed, check_frames, jobs)
+    if count is not None and not 0 < count <= 1:
+        raise Error(f"count: expected above 0 to 1, got {count:g}")
     grid = checked_grid(grid or PoseGrid())
     table_of_costs = read_costs(None if costs is None else path_of(costs, "costs"), years, law)
     period_s = common_period_s(lidars, preset)
@@ -239,7 +248,7 @@ def plan(
     tell = progress or show_line
     run = race(site, free, units, pairs, request, law, jobs=jobs, folder=parts, progress=tell)
     steps = Steps(site, request, law, table_of_costs, free, units, run, check_frames, tell)
-    result = chosen(steps, table, what_if=what_if, jobs=jobs, folder=parts)
+    result = chosen(steps, table, what_if=what_if, count=count, jobs=jobs, folder=parts)
     prices = lowest_prices(asked, free, table_of_costs)
     above = {name: usd for name, usd in prices.items() if usd > request.budget_usd}
     result = replace(result, above_budget=above)
@@ -290,11 +299,17 @@ class Compared:
 
 
 def chosen(
-    steps: Steps, table: pd.DataFrame, *, what_if: bool, jobs: int, folder: Path | None
+    steps: Steps,
+    table: pd.DataFrame,
+    *,
+    what_if: bool,
+    count: float | None,
+    jobs: int,
+    folder: Path | None,
 ) -> Plan:
     """Compares the options of the pairs that stayed, and makes the tables and the answer.
 
-    table: all poses, with their faults.
+    table: all poses, with their faults. count: share of the passages to be counted, or None.
     """
     site, request, law = steps.site, steps.request, steps.law
     one = compare(steps, jobs=jobs, folder=folder)
@@ -321,6 +336,10 @@ def chosen(
         " ".join(filter(None, [prices, few_positions(steps.poses, request)])),
         change_line(sensitivity),
     ]
+    counting = None
+    if count is not None:
+        counting = count_option(site, parts_of(one.first, steps), request.detector)
+        changes.append(count_line(counting, count))
     answer = answer_of(
         site, request, law, steps.costs, stands[: one.listed], rows, every, one.units, changes,
         len(site.other_frames(steps.check_frames)),
@@ -329,7 +348,8 @@ def chosen(
     front = front_of(
         stands, rows_of_all, one.goals, probability, one.units, one.unseen.objects, law, request
     )
-    return Plan(site, request, rows, every, sensitivity, answer, front, tuple(steps.lidars))
+    lidars = tuple(steps.lidars)
+    return Plan(site, request, rows, every, sensitivity, answer, front, lidars, counting)
 
 
 def compare(steps: Steps, *, jobs: int, folder: Path | None) -> Compared:
