@@ -42,7 +42,7 @@ def dead_lines(counts: IntArray, elevations: FloatArray) -> list[int]:
     between = np.diff(alive)
     step = np.abs(gaps)
     single = float(np.median(step[between == 1])) if (between == 1).any() else np.inf
-    missing = []
+    missing: list[int] = []
     for k in np.flatnonzero(between > 1):
         inner = range(int(alive[k]) + 1, int(alive[k + 1]))
         beside = [step[j] for j in (k - 1, k + 1) if 0 <= j < len(step) and between[j] == 1]

@@ -3,16 +3,20 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from site_maps import junction
 
 from pyinfra.core.errors import Error
 from pyinfra.scenes.maps import fcd
 from pyinfra.scenes.maps.lane_comparison import AGAINST, bodies_on_lanes, lane_differences
 from pyinfra.scenes.maps.lane_heights import on_lanes
 from pyinfra.scenes.maps.lane_map import MapBody, MapLane
+from pyinfra.scenes.maps.left_hand import mirrored_map
 from pyinfra.scenes.maps.map_import import import_map
 from pyinfra.scenes.maps.map_readers import ImportOptions
 from pyinfra.scenes.maps.netconvert import netconvert
+from pyinfra.scenes.maps.network import read_network
 from pyinfra.scenes.maps.osm_buildings import Passage, building_bodies, is_underground
 from pyinfra.scenes.maps.recorded_boxes import BoxColumns, read_boxes
 from pyinfra.scenes.maps.site_traffic import write_traffic
@@ -87,10 +91,56 @@ def test_lanes_that_differ_from_the_network_are_named() -> None:
     assert "not in the network" in note
 
 
-def test_left_hand_traffic_is_refused_by_name(tmp_path: Path) -> None:
-    map_ = xodr(tmp_path / "a.xodr", rule='rule="LHT"')
+def test_vehicles_drive_on_the_left_where_the_map_says_so(tmp_path: Path) -> None:
+    map_ = xodr(tmp_path / "a.xodr", 100, 5000, rule='rule="LHT"')
     imported = import_map(map_, tmp_path / "site", ImportOptions(radius_m=300))
-    assert sum(AGAINST in note for note in imported.record["not_understood"]) == 2
+    assert imported.record["not_understood"] == []
+    write_traffic(tmp_path / "site", Demand(900), 30, 1)
+    driven = pd.read_csv(tmp_path / "site/trajectories.csv").query("speed > 1")
+    to_east = np.cos(driven.heading) > 0
+    assert 0 < to_east.sum() < len(driven)
+    assert np.array_equal(driven.y > 0, to_east)
+
+
+def test_a_left_hand_junction_is_the_mirrored_right_hand_junction(tmp_path: Path) -> None:
+    """Networks and traffic are the same, mirrored at the x axis."""
+    right = tmp_path / "right.xodr"
+    right.write_text(junction([0.0, 100.0, 200.0], 15.0))
+    left = mirrored_map(right, tmp_path / "left.xodr")
+    left.write_text(left.read_text().replace('rule="RHT"', 'rule="LHT"'))
+    lanes, tracks = [], []
+    for side, file in ((1, right), (-1, left)):
+        site = tmp_path / file.stem
+        mount = (0.0, 30.0 * side, 6.0, -90.0 * side)
+        options = ImportOptions(centre=(0.0, 0.0), radius_m=400, mount=mount)
+        imported = import_map(file, site, options)
+        assert [n for n in imported.record["not_understood"] if "network" in n] == []
+        network = read_network(site / "map.net.xml").lanes
+        lanes.append({x.name: x.centre * (1, side, 1) for x in network})
+        write_traffic(site, Demand(900), 20, 1)
+        table = pd.read_csv(site / "trajectories.csv")
+        tracks.append(table.assign(y=table.y * side, heading=table.heading * side))
+    assert lanes[0].keys() == lanes[1].keys()
+    for name, centre in lanes[0].items():
+        np.testing.assert_allclose(lanes[1][name], centre, atol=0.02)
+    assert len(tracks[0]) > 100
+    np.testing.assert_allclose(
+        tracks[1][["t", "id", "x", "y"]], tracks[0][["t", "id", "x", "y"]], atol=0.02
+    )
+
+
+def test_roads_of_both_rules_are_refused_by_name(tmp_path: Path) -> None:
+    roads = [
+        xodr(tmp_path / f"{k}.xodr", 0, 100 * k, 'rule="LHT"' if k else "").read_text()
+        for k in range(3)
+    ]
+    parts = [
+        text.partition("<road")[2].replace('id="1"', f'id="{k}"', 1) for k, text in enumerate(roads)
+    ]
+    body = "".join(f"<road{part.partition('</OpenDRIVE>')[0]}" for part in parts)
+    (tmp_path / "a.xodr").write_text(f"{roads[0].partition('<road')[0]}{body}</OpenDRIVE>")
+    imported = import_map(tmp_path / "a.xodr", tmp_path / "site", ImportOptions(radius_m=300))
+    assert sum(AGAINST in note for note in imported.record["not_understood"]) == 4
     with pytest.raises(Error, match="left-hand"):
         write_traffic(tmp_path / "site", Demand(900), 30, 1)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.scenes.maps import (
+    left_hand,
     openstreetmap,
     osm_buildings,
     osm_features,
@@ -64,8 +65,15 @@ def _from_opendrive(
     _cut(site_map, options.radius_m, file)
     readable, changed = mended_for_netconvert(file, scratch / "readable.xodr")
     site_map.not_understood += changed
+    left = left_hand.has_left_hand_traffic(readable)
+    if left:
+        readable = left_hand.mirrored_map(readable, scratch / "mirrored.xodr")
+        site_map.guessed.append('left-hand traffic, because all roads have rule="LHT"')
     arguments = ["--opendrive-files", str(readable), *OPENDRIVE]
-    warnings = _shifted_network(file, arguments, offset, folder / NET)
+    shift = offset * (1, -1, 1) if left else offset
+    warnings = _shifted_network(file, arguments, shift, folder / NET)
+    if left:
+        left_hand.mirror_network(folder / NET)
     network = read_network(folder / NET)
     site_map.not_understood += lane_differences(site_map.lanes, network.lanes)
     site_map.areas, site_map.junctions = _near(network, options.radius_m)

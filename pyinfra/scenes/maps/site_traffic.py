@@ -50,15 +50,18 @@ def _arguments(demand: Demand, seconds: float, seed: int) -> dict[str, Any]:
 
 
 def _check_directions(site: Path) -> None:
-    """Raises Error if most lanes of the map run against SUMO's network, as with left-hand rule."""
+    """Raises Error if most lanes of the map run against SUMO's network.
+
+    This is the case if only some of the roads have left-hand traffic.
+    """
     record = read_keys(site / MAP) if (site / MAP).is_file() else {}
     notes = record.get("not_understood") or []
     against = [str(note) for note in notes if AGAINST in str(note)]
     if len(against) > int(record.get("lanes") or 0) / 2:
         raise Error(
             f"{site}: expected lanes that run as in SUMO's network, got {len(against)} lanes that "
-            "run against it: SUMO's import of OpenDRIVE does not know left-hand traffic "
-            '(rule="LHT"). Use recorded trajectories (`pyinfra site trajectories`)'
+            "run against it: roads with left-hand traffic can only be imported if all roads of the "
+            'map have rule="LHT". Use recorded trajectories'
         )
 
 
