@@ -19,6 +19,7 @@ from pathlib import Path
 from pyinfra.core.errors import Error
 from reproduction import ROOT
 from reproduction.tables import (
+    catalogue,
     findings,
     formats,
     frame_numbers,
@@ -77,6 +78,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "one ray by LiDAR": rungs.rungs_by_lidar,
     "beams in AP": rungs.rungs_ap,
     "points per vehicle, frames 3 and 4": frame_numbers.frame_numbers,
+    "catalogue": catalogue.catalogue,
     "growth": simulator.growth,
     "coverage": measure.coverage,
     "correlation": measure.correlation,
@@ -128,6 +130,7 @@ FRAMES: dict[str, Callable[[], str]] = {  # without the sentence on frames
     "frames of the results": frames_of_results,
     "steps": steps.steps,
     "other files": steps.others,
+    "catalogue, sources": catalogue.sources,
     "formats": formats.formats,
     "other formats": formats.other_formats,
 }

@@ -1,0 +1,67 @@
+"""Makes the tables of the page about the catalogue's LiDARs, from their files and results."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from pyinfra.dataset.catalogue import lidar_file
+from pyinfra.dataset.lidars import read_catalogue
+from reproduction.tables.common import LIDARS, markdown, results
+from reproduction.tables.rungs import BANDS
+
+PRESET, SCENE = "datasheet", "highway"
+GRADES = ("vendor", "driver", "third party", "nominal")  # in brackets in the files of LiDARs
+# What a comment with `assumed` or `not published` beside a key says.
+ASSUMPTIONS = {
+    "range_at_10_percent_m": "range by reflectance and light",
+    "beam": "width of the beam",
+    "echoes": "least distance of two echoes",
+}
+
+
+def catalogue() -> str:
+    """Returns a table of the LiDARs, with their points per vehicle."""
+    table = results("frame_numbers")
+    table = table[table.scene == SCENE]
+    rows = []
+    for sheet in read_catalogue(PRESET):
+        part = table[table.lidar == sheet.name]
+        points = [
+            f"{np.average(band.points_now, weights=band.vehicles):.1f}" if len(band) else ""
+            for band in (part[part.from_m == from_m] for from_m in BANDS)
+        ]
+        low, high = sheet.price_low_usd, sheet.price_high_usd
+        price = f"{low:,.0f}" if low == high else f"{low:,.0f} to {high:,.0f}"
+        called = LIDARS.get(sheet.name, "")
+        view = f"{sheet.horizontal_fov_deg:.0f} x {sheet.vertical_fov_deg:.0f}"
+        facts = [view, f"{sheet.range_at_10_percent_m:.0f}", price]
+        rows.append([sheet.model, f"`{sheet.name}`", called, *facts, *points])
+    heads = ["product", "name", "in results", "view, degrees", "range at 10 %, m", "US$"]
+    return markdown([*heads, *BANDS.values()], rows)
+
+
+def sources() -> str:
+    """Returns a table of what each LiDAR is, and what about it is assumed."""
+    rows = []
+    for sheet in read_catalogue(PRESET):
+        text = lidar_file(sheet.name).read_text(encoding="utf-8")
+        head = re.match(r"(#[^\n]*\n)+", text)
+        what = re.sub(r"\n?# ?", " ", head[0] if head else "").split(". ")[0].strip().rstrip(".")
+        brand = sheet.model.split()[0]
+        what = what.partition(": ")[2] if what.startswith(brand) else what.replace(": ", ", ")
+        assumed = [words for key, words in ASSUMPTIONS.items() if is_assumed(text, key)]
+        graded = [grade for grade in GRADES if f"[{grade}]" in text]
+        price = f"{sheet.price_source}, {sheet.price_date}".strip(", ")
+        rows.append([sheet.model, what, ", ".join(assumed), ", ".join(graded), price])
+    heads = ["product", "pattern", "assumed or not published", "grades", "price"]
+    return markdown(heads, rows)
+
+
+def is_assumed(text: str, key: str) -> bool:
+    """Returns whether the comment on a key, beside it or above it, says that it is assumed."""
+    marks = r"(assumed|not published)"
+    beside = rf"{key}:[^\n]*#[^\n]*{marks}"
+    above = rf"(?m)^ *#[^\n]*{marks}[^\n]*\n( *#[^\n]*\n)*[^\n#]*{key}:"
+    return bool(re.search(beside, text) or re.search(above, text))
