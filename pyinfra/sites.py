@@ -181,7 +181,7 @@ def import_mesh(
 
     Parameters
     ----------
-    file : .obj, .glb, .gltf, .stl or .ply file
+    file : .obj, .glb, .gltf, .stl or .ply file, or CityJSON
     site : folder of the site
     material : material of the triangles
     up : upward axis of the file; by default y for glTF, else z

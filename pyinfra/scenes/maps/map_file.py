@@ -15,6 +15,15 @@ from pyinfra.scenes.maps.osm_pbf import PBF, write_xml
 LONGEST_BYTES = 2 << 30  # maximum size of a map file
 FORMATS = (".xodr", ".osm", ".osm.xml", ".net.xml")  # .gz or .bz2 may follow these extensions
 PACKED = (".gz", ".bz2")
+_MESH = "add it to a site of this place as a mesh (`pyinfra site mesh`)"
+# Formats of buildings, which have no lanes, and what to do with them.
+OTHERS = {
+    ".city.json": f"CityJSON has buildings, {_MESH}",
+    ".cityjson": f"CityJSON has buildings, {_MESH}",
+    ".json": f"if it is CityJSON, it has buildings: {_MESH}",
+    ".gml": f"CityGML has buildings: convert it with citygml-tools to CityJSON, and {_MESH}",
+    **dict.fromkeys((".obj", ".glb", ".gltf", ".stl", ".ply"), f"a mesh has no lanes: {_MESH}"),
+}
 CONVERTED = {".o5m": "osmconvert {0} -o={1}.osm"}
 
 
@@ -40,6 +49,9 @@ def format_of(file: Path) -> str:
             return ending
     if name.endswith(".xml") and (ending := _BY_ROOT.get(_root_of(file), "")):
         return ending
+    for ending, advice in OTHERS.items():
+        if name.endswith(ending):
+            raise MapError(f"{file}: expected a map with lanes, got {ending}: {advice}")
     raise MapError(
         f"{file}: expected a file name that ends in {', '.join(FORMATS)}, optionally followed by "
         f"{' or '.join(PACKED)}, or in .osm{PBF}; got '{file.suffix}'"

@@ -1,4 +1,4 @@
-"""Imports mesh files (OBJ, glTF, STL, PLY) into a site."""
+"""Imports mesh files (OBJ, glTF, STL, PLY) and CityJSON files into a site."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from pyinfra.core.errors import FormatError, missing
 from pyinfra.core.files import write
 from pyinfra.formats.ply import Triangles, together, write_ply
 from pyinfra.formats.yaml_file import read_keys
+from pyinfra.scenes.maps import city_json
 from pyinfra.scenes.maps.site_folder import SCENE, feet
 
-ENDINGS = (".obj", ".glb", ".gltf", ".stl", ".ply")
+ENDINGS = (".obj", ".glb", ".gltf", ".stl", ".ply", *city_json.ENDINGS)
 UPWARDS_Y = (".glb", ".gltf")  # glTF defines y as up
 MATERIALS = ("road", "sidewalk", "terrain", "structure", "vegetation")
 WIDEST_M = 10_000.0  # maximum extent of a mesh
@@ -47,9 +48,10 @@ def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement)
     mesh = _placed(_read(file), file, placement)
     away = _away_m(mesh, mounts)
     if away > FARTHEST_M:
+        x, y = mesh.vertices[:, :2].mean(axis=0)
         raise FormatError(
             f"{file}: expected a mesh within {FARTHEST_M:g} m of a mount, got a distance of "
-            f"{away:.0f} m; `offset` moves the mesh"
+            f"{away:.0f} m, around x = {x:.0f}, y = {y:.0f}; `offset` moves the mesh"
         )
     scene = with_mesh(site / SCENE, {"file": name, "material": material})
     (site / "meshes").mkdir(exist_ok=True)
@@ -67,6 +69,8 @@ def _read(file: Path) -> Triangles:
         )
     if not file.stat().st_size:
         raise FormatError(f"{file}: expected a mesh, got 0 bytes")
+    if file.suffix.lower() in city_json.ENDINGS:
+        return city_json.read_city_json(file)
     try:
         import trimesh
     except ImportError as error:
