@@ -10,7 +10,8 @@ from pyinfra.scenes.maps.mesh_import import MATERIALS, MeshPlacement, import_mes
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
-        "Adds the triangles of a file (.obj, .glb, .gltf, .stl, .ply, CityJSON) to the of a site."
+        "Adds the triangles of a file (.obj, .glb, .gltf, .stl, .ply, CityJSON) to the meshes of a "
+        "site."
     )
     parser.epilog = "example: pyinfra site mesh station.glb --out sites/corner --offset 20,35,0"
     parser.add_argument("file", type=Path, metavar="FILE", help="3-D model")

@@ -62,6 +62,7 @@ def other_formats() -> str:
         ".osm, .osm.xml": "Eclipse SUMO (extra `site`)",
         f".osm{PBF}": "osmium, Eclipse SUMO (extras `pbf`, `site`)",
     }
+    maps[".osm of Lanelet2"] = "no traffic of SUMO"
     known = [ending for key in maps for ending in key.split(", ")]
     assert set(MAPS) <= set(known)
     rows = [("maps", "pyinfra site import", files, library) for files, library in maps.items()]

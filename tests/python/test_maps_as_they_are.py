@@ -184,13 +184,13 @@ def test_an_error_of_netconvert_is_not_tried_again(
     assert len(runs) == 1
 
 
-def test_a_lanelet2_map_is_told_from_openstreetmap(tmp_path: Path) -> None:
+def test_a_lanelet2_map_without_borders_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "a.osm"
     file.write_text(
         '<osm version="0.6"><node id="1" lat="49" lon="8"/><way id="2"><nd ref="1"/></way>'
         '<relation id="3"><tag k="type" v="lanelet"/></relation></osm>'
     )
-    with pytest.raises(Error, match="got 1 lanelets of a Lanelet2 map"):
+    with pytest.raises(Error, match="expected a lanelet with two borders"):
         import_map(file, tmp_path / "site")
 
 

@@ -25,6 +25,7 @@ from pyinfra.scenes.maps.lane_map import (
     SiteMap,
     checked_lanes,
 )
+from pyinfra.scenes.maps.lanelet2_map import read_lanelets
 from pyinfra.scenes.maps.netconvert import OPENDRIVE, OSM, netconvert, without_sidewalk
 from pyinfra.scenes.maps.network import read_network
 from pyinfra.scenes.maps.opendrive import read_opendrive
@@ -95,6 +96,8 @@ def _from_osm(
     file: Path, folder: Path, scratch: Path, options: ImportOptions
 ) -> tuple[SiteMap, dict[str, Any]]:
     streets = openstreetmap.read_street_map(file)
+    if streets.lanelets:
+        return _from_lanelet2(file, options)
     centre, turned = streets.place_of(options.centre)
     if not (abs(centre[0]) <= 180 and abs(centre[1]) <= 85):
         raise MapError(f"{file}: centre: expected lon,lat in degrees, got {centre}")
@@ -145,6 +148,26 @@ def _from_osm(
             f"{streets.deleted} elements marked as deleted by an editor: left out"
         )
     return site_map, {"projection": projection, "offset_m": [0.0, 0.0, 0.0], "network": warnings}
+
+
+def _from_lanelet2(file: Path, options: ImportOptions) -> tuple[SiteMap, dict[str, Any]]:
+    _check_side(file, options)
+    site_map, centre = read_lanelets(file, options.centre)
+    if not site_map.lanes:
+        raise MapError(f"{file}: expected a lanelet with two borders, got none")
+    offset = _offset(site_map.lanes, file, replace(options, centre=None))
+    offset[:2] = offset[:2] if centre is None else 0.0
+    if centre is None and options.centre:
+        offset[:2] = options.centre
+    site_map.lanes = [_moved(lane, offset) for lane in site_map.lanes]
+    x, y = offset[:2].tolist()
+    site_map.features = [replace(f, x_m=f.x_m - x, y_m=f.y_m - y) for f in site_map.features]
+    _cut(site_map, options.radius_m, file)
+    origin: dict[str, Any] = {"offset_m": offset.tolist(), "network": []}
+    if centre is not None:
+        lon, lat = centre
+        origin["projection"] = f"+proj=tmerc +lat_0={lat!r} +lon_0={lon!r} +k=1 +ellps=WGS84"
+    return site_map, origin
 
 
 READERS = {

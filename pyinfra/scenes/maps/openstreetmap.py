@@ -151,16 +151,12 @@ class StreetMap:
 
 
 def read_street_map(file: Path) -> StreetMap:
-    """Reads an OSM file. Raises MapError and OSError."""
+    """Reads an OSM file, or counts the lanelets of a Lanelet2 map. Raises MapError and OSError."""
     street_map = StreetMap()
     for node in all_elements(file):
         _read_element(node, street_map, file)
-    if street_map.lanelets:
-        raise MapError(
-            f"{file}: expected a map of OpenStreetMap, got {street_map.lanelets} lanelets of a "
-            "Lanelet2 map, which has the same ending: convert it to OpenDRIVE (.xodr), for example "
-            "with the CommonRoad Scenario Designer"
-        )
+    if street_map.lanelets:  # a map of Lanelet2, which has the same ending
+        return street_map
     if not any("highway" in way.tags for way in street_map.ways):
         raise MapError(f"{file}: expected a way with the tag `highway`, got none")
     if not street_map.of_highways():

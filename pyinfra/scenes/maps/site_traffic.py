@@ -93,6 +93,12 @@ def write_traffic(site: Path, demand: Demand, seconds: float, seed: int) -> list
     if SUMO is not installed, and OSError.
     """
     _check_directions(site)
+    if not (site / NET).is_file():
+        raise Error(
+            f"{site}: expected {NET}, got none: a Lanelet2 map has no network for SUMO. Use "
+            "recorded trajectories, or convert the map to OpenDRIVE, for example with the "
+            "CommonRoad Scenario Designer"
+        )
     feet = site_folder.feet(site)
     traffic = simulate(site / NET, feet, demand, seconds, seed)
     write_trajectories(site / NAME, traffic.tracks)
