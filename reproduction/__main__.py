@@ -1,17 +1,24 @@
-"""Runs `python -m reproduction COMMAND ...`; the commands are modules of reproduction.commands."""
+"""Runs `python -m reproduction COMMAND ...`; the commands are modules of reproduction.commands.
+
+Words such as `FRAMES='0:200:20'` after the command replace constants of its module. They are for
+trials at a toy size: the recorded command does not have them.
+"""
 
 import argparse
 import ast
 import importlib
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from types import ModuleType
 
 from pyinfra.cli.messages import message_of
 from pyinfra.core.errors import Error
 from reproduction import ROOT, commands
 
 PROGRAM = "python -m reproduction"
+CONSTANT = re.compile(r"([A-Z][A-Z_]*)=(.*)")
 
 
 def summaries() -> dict[str, str]:
@@ -19,6 +26,23 @@ def summaries() -> dict[str, str]:
     files = sorted(Path(commands.__path__[0]).glob("[a-z]*.py"))
     texts = {file.stem: ast.get_docstring(ast.parse(file.read_text("utf-8"))) for file in files}
     return {name: (text or "").partition("\n")[0] for name, text in texts.items()}
+
+
+def without_constants(module: ModuleType, words: Sequence[str]) -> list[str]:
+    """Sets the constants of a module that `words` name; returns the other words.
+
+    A value is an expression that may use the names of the module. Raises Error.
+    """
+    others = []
+    for word in words:
+        match = CONSTANT.fullmatch(word)
+        if match is None:
+            others.append(word)
+        elif not hasattr(module, match[1]):
+            raise Error(f"expected a constant of {module.__name__}, got {match[1]}")
+        else:
+            setattr(module, match[1], eval(match[2], vars(module)))
+    return others
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -38,9 +62,10 @@ def main(words: Sequence[str] | None = None) -> int:
     )
     name = parser.parse_args(words[:1]).command
     sys.path.insert(0, str(ROOT / "tests/python"))  # some commands use the tests' maps
-    sys.argv = [f"{PROGRAM} {name}", *words[1:]]
     try:
-        return int(importlib.import_module(f"reproduction.commands.{name}").main() or 0)
+        module = importlib.import_module(f"reproduction.commands.{name}")
+        sys.argv = [f"{PROGRAM} {name}", *without_constants(module, words[1:])]
+        return int(module.main() or 0)
     except (Error, OSError) as error:
         print(f"{PROGRAM} {name}: {message_of(error)}", file=sys.stderr)
         return error.exit_code if isinstance(error, Error) else 1

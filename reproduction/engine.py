@@ -21,7 +21,7 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from graphlib import TopologicalSorter
@@ -39,6 +39,7 @@ from reproduction import ROOT
 RECORD = "steps.csv"  # of the folder of results: what was run, and what it took
 CODE = ("bindings", "benchmarks", "configs", "cpp", "pyinfra", "reproduction")
 MODEL = ROOT / "pyinfra/models/generalist.safetensors"
+TOY_CPU_H = 0.01  # of a step at a toy size
 VERSION = "VERSION"  # the constant of a command's file
 
 
@@ -55,7 +56,6 @@ class Command:
     alone: whether the command measures times, so that nothing else may run
     split: options and their values; each combination is a part
     secondary: whether no primary claim, and no claim about planning, needs the rows
-    toy: words in place of `words` for a trial of the engine; empty if there are none
     """
 
     words: str
@@ -67,7 +67,6 @@ class Command:
     alone: bool = False
     split: tuple[tuple[str, tuple[str, ...]], ...] = ()
     secondary: bool = False
-    toy: str = ""
 
 
 @dataclass(frozen=True)
@@ -127,12 +126,17 @@ def _read_files(words: str) -> list[str]:
     return [word[1:-1] for word in shlex.split(words) if word.startswith("{")]
 
 
-def toys(steps: Sequence[Step]) -> list[Step]:
-    """Returns the steps that have a toy size, at this size."""
+def toys(steps: Sequence[Step], words: Mapping[str, str]) -> list[Step]:
+    """Returns the steps that have a toy size, at this size. words: by the first file of a step."""
     return [
-        replace(step, commands=tuple(replace(c, words=c.toy, split=()) for c in step.commands))
+        replace(
+            step,
+            commands=(
+                replace(step.commands[0], words=words[step.files[0]], split=(), cpu_h=TOY_CPU_H),
+            ),
+        )
         for step in steps
-        if all(command.toy for command in step.commands)
+        if step.files[0] in words
     ]
 
 

@@ -24,7 +24,7 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.experiments.pool import Backend, Pool
 from reproduction import ROOT, engine
-from reproduction.steps import STEPS
+from reproduction.steps import STEPS, TOYS
 
 NAMED = 5  # most changed files that a message names
 
@@ -54,7 +54,7 @@ def main() -> int:
         help="folder for parts, frames and trainings (default: out/steps)",
     )
     args = parser.parse_args()
-    steps = engine.toys(STEPS) if args.toy else STEPS
+    steps = engine.toys(STEPS, TOYS) if args.toy else STEPS
     if args.primary:
         steps = [
             replace(step, commands=tuple(c for c in step.commands if not c.secondary))

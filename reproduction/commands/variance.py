@@ -40,6 +40,7 @@ from reproduction.frames_number import number_of
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
 CHOICES = ["judge", "scene", "preset", "label_time"]
+COLUMNS = ["quantity", "judge", "component", "sd", "groups"]
 DIFFERENCE = "avia less ruby_plus"
 
 
@@ -114,7 +115,7 @@ def main() -> None:
     add_out(parser, "variance.csv")
     args = parser.parse_args()
     table = store.read(args.experiments, TEXT)
-    rows = pd.DataFrame(components(table)).dropna(subset="sd")
+    rows = pd.DataFrame(components(table), columns=COLUMNS).dropna(subset="sd")
     number = number_of(table, str(args.experiments))
     rows.assign(**provenance(f"variance {args.experiments}", number)).to_csv(
         args.out, index=False, float_format="%.4g"

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +19,16 @@ from pyinfra.core.errors import Error
 from pyinfra.experiments.pool import Pool
 from reproduction import ROOT, engine
 from reproduction.engine import Command, Places, Step
-from reproduction.steps import OTHERS, STEPS
+from reproduction.steps import OTHERS, STEPS, TOYS
+
+# Steps whose smallest trial trains a network for minutes, or has no smaller size.
+WITHOUT_TOY = {
+    "integration.csv",
+    "generalist.csv",
+    "people.csv",
+    "detector_latency.csv",
+    "onnx_files.csv",
+}
 
 SLEEPS = """
     VERSION = 1
@@ -143,21 +153,49 @@ def results(work: Path, *words: str) -> subprocess.Popen[str]:
     )
 
 
+def killed(work: Path, files: Sequence[str], seconds: Sequence[float]) -> list[float]:
+    """Kills runs of the toy steps after the given seconds; returns when finished parts were made
+    before the last kill."""
+    for limit in seconds:
+        process = results(work, *files)
+        try:
+            process.communicate(timeout=limit)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+    return sorted(file.stat().st_mtime for file in work.rglob("done.json"))
+
+
 def test_toy_steps_that_are_killed_twice_have_the_rows_of_an_uninterrupted_run(
     tmp_path: Path,
 ) -> None:
-    files = ("scanning_claims.csv", "variance.csv")
-    for seconds in (2, 4):
-        process = results(tmp_path / "killed", *files)
-        time.sleep(seconds)
-        os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
+    files = ("scanning_claims.csv", "rungs.csv")
+    killed(tmp_path / "killed", files, (2, 4))
     for name in ("killed", "whole"):
         printed, _ = results(tmp_path / name, *files, "--jobs", "2").communicate()
         assert re.search(r"will take about .* CPU hours\n(.|\n)*took .* CPU hours", printed)
     for file in files:
-        killed, whole = (tmp_path / name / "toy/results" / file for name in ("killed", "whole"))
-        assert killed.read_bytes() == whole.read_bytes()
+        one, whole = (tmp_path / name / "toy/results" / file for name in ("killed", "whole"))
+        assert one.read_bytes() == whole.read_bytes()
+
+
+@pytest.mark.nightly
+@pytest.mark.timeout(7200)
+def test_all_toy_steps_resume_after_two_kills(tmp_path: Path) -> None:
+    pytest.importorskip("rosbags", reason="the extra `bag` is not installed")
+    finished = killed(tmp_path, (), (60, 120))
+    printed, _ = results(tmp_path).communicate()
+    assert "failed: " not in printed, printed
+    record = pd.read_csv(tmp_path / "toy/results" / engine.RECORD)
+    assert set(record.step) == {file.removesuffix(".csv") for file in TOYS}
+    made = sorted(file.stat().st_mtime for file in tmp_path.rglob("done.json"))
+    assert made[: len(finished)] == finished  # no finished part ran again
+
+
+def test_each_step_with_one_command_and_no_toy_size_is_known() -> None:
+    without = {step.files[0] for step in STEPS} - TOYS.keys()
+    assert without <= WITHOUT_TOY
+    assert TOYS.keys() <= {step.files[0] for step in STEPS}
 
 
 def test_changed_code_is_refused(monkeypatch: pytest.MonkeyPatch, capsys) -> None:

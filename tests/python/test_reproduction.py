@@ -5,10 +5,12 @@ import ast
 import importlib
 import shlex
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import SUBSETS
 from reproduction import ROOT, add_out, commands
 from reproduction import __main__ as reproduction
@@ -209,3 +211,12 @@ def test_demo_writes_all_it_names_and_resumes(
     assert reproduction.main(command) == 0
     assert capsys.readouterr().out == first.out
     assert frame.stat().st_mtime_ns == before
+
+
+def test_words_replace_constants_of_a_command_and_unknown_ones_are_named() -> None:
+    module = SimpleNamespace(__name__="toy", SEEDS=(1, 2, 3), FRAMES="0:9")
+    words = ["FRAMES='0:2'", "SEEDS=SEEDS[:1]", "--out", "a=b"]
+    assert reproduction.without_constants(module, words) == ["--out", "a=b"]  # type: ignore[arg-type]
+    assert (module.SEEDS, module.FRAMES) == ((1,), "0:2")
+    with pytest.raises(Error, match="expected a constant of toy, got OTHER"):
+        reproduction.without_constants(module, ["OTHER=1"])  # type: ignore[arg-type]
