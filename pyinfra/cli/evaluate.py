@@ -12,7 +12,8 @@ from pyinfra.cli.messages import with_options
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import OBJECT_CLASSES, SUBSETS, VEHICLE_TYPES
 from pyinfra.dataset.frames import frame_range
-from pyinfra.metrics.evaluate import class_settings, default_settings, evaluated, write
+from pyinfra.metrics.evaluate import evaluated
+from pyinfra.metrics.evaluation_input import class_settings, default_settings
 from pyinfra.metrics.evaluation_summary import summary
 from pyinfra.metrics.matching import CENTRE_M, PERSON_IOU, Metric
 from pyinfra.metrics.settings import PROTOCOLS, Settings
@@ -181,7 +182,7 @@ def run(args: argparse.Namespace) -> int:
     for finding in evaluation.findings:
         print(f"pyinfra: {with_options(str(finding), args.options)}", file=sys.stderr)
     has_figures = not args.no_figures and bool((evaluation.ap.objects > 0).any())
-    write(evaluation, args.out)
+    evaluation.save(args.out)
     if has_figures:
         # The import takes a second, so it is only done if figures are drawn.
         from pyinfra.viz.evaluation_plots import draw_all

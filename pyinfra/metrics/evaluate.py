@@ -1,43 +1,73 @@
-"""Average precision of predictions.
+"""`pyinfra.evaluate`: the average precision (AP) of predictions, step by step.
 
-Predictions can come from any detector, as KITTI result files or as CSV in the LiDAR frame.
-match_results.py defines which predictions and vehicles count. ap.py defines AP. The other rules are
-in the section "AP and matching" of docs/conventions/evaluation.md.
+The steps stand in this file in their order. Each is explained where its function is defined.
+
+1. Frames, predictions and settings are read (evaluation_input.py), the vehicles with their places
+   and visibility too (ground_truth.py), and suspicious input is noted (prediction_checks.py).
+2. The vehicles and predictions of each class are paired where they overlap (match_input.py).
+3. Predictions are matched in the order of their scores, each with the free vehicle that it overlaps
+   most (matching.py).
+4. Each prediction becomes a true positive, a false positive or ignored, and each vehicle counts or
+   not, for each subset of the ground truth (match_results.py).
+5. AP is computed from the ranking by score (ap.py), for all frames and for each replicate of a
+   bootstrap.
+6. The replicates, which resample blocks of time, give the 95 % interval (intervals.py).
+7. The tables are made (evaluation_tables.py), and warnings about the results (result_checks.py).
+
+Predictions can come from any detector, as KITTI result files or as CSV in the LiDAR frame. The
+rules are in the section "AP and matching" of docs/conventions/evaluation.md.
 """
 
 from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from pyinfra.core.errors import Error, FindingWarning
-from pyinfra.core.names import path_of, suggestion
 from pyinfra.core.public import CALLER, public
-from pyinfra.core.vocabulary import OBJECT_CLASSES
-from pyinfra.dataset.frame_readers import Cameras, read_cameras, read_predictions
+from pyinfra.dataset.frame_readers import read_cameras, read_predictions
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
 from pyinfra.dataset.frame_tables import Predictions
 from pyinfra.dataset.frames import frame_numbers
-from pyinfra.dataset.loading import one_lidar
-from pyinfra.formats import kitti
-from pyinfra.metrics.evaluation_result import Evaluation, evaluate_tables
-from pyinfra.metrics.ground_truth import ground_truth_of, read_ground_truth
+from pyinfra.metrics.evaluation_input import (
+    chosen_frames,
+    predictions_in,
+    settings_of,
+)
+from pyinfra.metrics.evaluation_result import Evaluation
+from pyinfra.metrics.evaluation_tables import (
+    AP_COLUMNS,
+    EVERYWHERE,
+    ap_row,
+    area_table,
+    cell_table,
+    cut_first_ap,
+    distance_table,
+    error_table,
+    false_positive_table,
+    off_region_table,
+    pr_table,
+)
+from pyinfra.metrics.ground_truth import GroundTruth, ground_truth_of, read_ground_truth
 from pyinfra.metrics.ground_truth_checks import ground_truth_findings
-from pyinfra.metrics.match_input import are_people, match_input
-from pyinfra.metrics.match_results import MatchResult, count_matches
-from pyinfra.metrics.matching import PERSON_IOU
+from pyinfra.metrics.match_input import MatchInput, match_input
+from pyinfra.metrics.match_results import MatchResult, count_matches, primary_results
+from pyinfra.metrics.matching import Metric, threshold_of
 from pyinfra.metrics.prediction_checks import (
-    PredictionFiles,
+    Finding,
     check_predictions,
     few_predicted,
     find_files,
 )
-from pyinfra.metrics.prediction_table import AnyPredictions, prediction_table, predictions_of
+from pyinfra.metrics.prediction_table import AnyPredictions
+from pyinfra.metrics.ranges import by_range
+from pyinfra.metrics.replicates import figures, measure_of, replicate_rows, same_of
+from pyinfra.metrics.result_checks import result_warnings
 from pyinfra.metrics.settings import Settings
 
 SEEN_IN_TABLES = ("few-blocks",)  # warnings whose cause the tables show, as NaN
@@ -130,9 +160,9 @@ def evaluated(
     if frames is not None and split is not None:
         raise Error("frames: use frames or split, not both")
     in_memory = isinstance(gt, FrameSequence) or not isinstance(pred, (str, os.PathLike))
-    sequence = _chosen(gt, pred, frames, split)
+    sequence = chosen_frames(gt, pred, frames, split)
     folder = sequence.folder if isinstance(sequence, RecordedFrames) else None
-    prediction_files, predictions = _predictions(
+    prediction_files, predictions = predictions_in(
         pred, sequence, folder, allow_missing=allow_missing
     )
     truth = ground_truth_of(sequence)
@@ -158,52 +188,133 @@ def evaluated(
     return evaluate_tables(truth, predictions, settings, findings, ranges=ranges)
 
 
-def _chosen(
-    gt: FrameSequence | str | os.PathLike[str],
-    pred: object,
-    frames: Sequence[int] | None,
-    split: str | None,
-) -> FrameSequence:
-    """Returns the frames to evaluate."""
-    if isinstance(gt, FrameSequence):
-        if split is not None:
-            raise Error(
-                f"split: expected a LiDAR's folder as gt, got frames in memory and split '{split}'"
-            )
-        wanted = sorted(gt.numbers if frames is None else frames)
-        if other := sorted(set(wanted) - set(gt.numbers)):
-            raise Error(f"frames: expected numbers of the {len(gt)} frames in gt, got {other[0]}")
-        return gt if wanted == list(gt.numbers) else gt.of(wanted)
-    folder = path_of(gt, "gt")
-    if not isinstance(pred, (str, os.PathLike)):
-        one_lidar(folder, "gt")  # raises Error for a data set with several LiDARs
-    return RecordedFrames(
-        folder, tuple(frame_numbers(folder, split) if frames is None else sorted(frames))
-    )
-
-
-def _predictions(
-    pred: AnyPredictions,
-    sequence: FrameSequence,
-    folder: Path | None,
+def evaluate_tables(
+    truth: GroundTruth,
+    predictions: Predictions,
+    settings: Settings,
+    findings: Sequence[Finding] = (),
     *,
-    allow_missing: bool,
-) -> tuple[PredictionFiles, Predictions]:
-    """Returns the prediction files and the predictions, read from a table or from a folder.
+    ranges: bool = False,
+) -> Evaluation:
+    """Evaluates predictions in memory.
 
-    folder: the LiDAR's folder; None if the frames are in memory.
+    predictions.frame contains indices into truth.frames. ranges: whether to also compute AP and
+    recall within ranges of the sensor, except for the subset `common`. The table `replicates` then
+    also contains the AP within each range.
     """
-    numbers = sequence.numbers
-    if not isinstance(pred, (str, os.PathLike)):
-        names = tuple(Path(f"frame {k}") for k in numbers)
-        return PredictionFiles(names, ()), predictions_of(prediction_table(pred, numbers), numbers)
-    all_frames = frame_numbers(folder, "all") if folder else numbers
-    prediction_files = find_files(
-        Path(pred), numbers, all_frames, lidar_folder=folder, allow_missing=allow_missing
+    # 2. Which predictions and vehicles of a class overlap.
+    match_inputs = {
+        (name, metric): match_input(truth, predictions, name, settings, metric)
+        for name in settings.classes
+        for metric in settings.metrics
+    }
+    # 3 to 6. AP with its interval.
+    table = pd.DataFrame(_ap_rows(match_inputs, settings), columns=AP_COLUMNS)
+    # 7. The other tables.
+    first = next(iter(match_inputs.values()))
+    parts = _primary_tables(first, settings, ranges=ranges)
+    parts = {name: _named(rows, truth, settings) for name, rows in parts.items()}
+    off_region = _off_region(match_inputs, settings)
+    all_findings = (*findings, *result_warnings(table, truth, settings))
+    return Evaluation(
+        truth=truth,
+        ap=table,
+        off_region=off_region,
+        findings=all_findings,
+        predictions=predictions,
+        settings=settings,
+        **parts,
     )
-    simulated_camera = Cameras((kitti.simulated(),), np.zeros(len(numbers), dtype=np.int64))
-    cameras = read_cameras(folder, numbers) if folder else simulated_camera
-    return prediction_files, read_predictions(prediction_files.files, cameras)
+
+
+def _ap_rows(
+    match_inputs: dict[tuple[str, Metric], MatchInput], settings: Settings
+) -> list[dict[str, object]]:
+    """Returns the rows of AP, ordered by class, metric, ground truth, threshold and protocol.
+
+    The first row is the primary result.
+    """
+    rows = []
+    for (name, metric), class_input in match_inputs.items():
+        ious = settings.ious_of(metric)
+        matches = {
+            (iou, strict): class_input.match(threshold_of(metric, iou), strict=strict)
+            for iou in ious
+            for strict in {protocol == "kitti" for protocol in settings.protocols}
+        }
+        for which in settings.ground_truths:
+            for iou in ious:
+                for protocol in settings.protocols:
+                    matched = matches[iou, protocol == "kitti"]  # 3
+                    # 4. True positives, false positives, and what is ignored.
+                    match_result = count_matches(class_input, which, matched, settings.min_points)
+                    row = ap_row(match_result, iou, protocol)  # 5 and 6
+                    rows.append({"class": name, "ground_truth": which, **row})
+    return rows
+
+
+def _off_region(
+    match_inputs: dict[tuple[str, Metric], MatchInput], settings: Settings
+) -> pd.DataFrame:
+    """Returns table `off_region` of all classes, for the first metric and threshold."""
+    metric = settings.metrics[0]
+    enough = threshold_of(metric, settings.ious[0])
+    parts = []
+    for name in settings.classes:
+        class_input = match_inputs[name, metric]
+        rows = off_region_table(class_input, class_input.match(enough, strict=False))
+        rows.insert(0, "lidar", class_input.truth.name)
+        rows.insert(1, "class", name)
+        parts.append(rows)
+    return pd.concat(parts, ignore_index=True)
+
+
+def _primary_tables(
+    one: MatchInput, settings: Settings, *, ranges: bool
+) -> dict[str, pd.DataFrame]:
+    """Returns all tables except `ap` and `off_region`, with rows for each ground-truth subset.
+
+    The tables use the first class, metric and threshold, and protocol `definition`.
+    """
+    enough = threshold_of(one.metric, settings.ious[0])
+    tables: dict[str, list[pd.DataFrame]] = {}
+    for which, match_result in primary_results(one, settings).items():
+        distance, replicates = distance_table(match_result, settings.min_objects)
+        if settings.cut_first:
+            windows = one.truth.windows()
+            cut = cut_first_ap(one, which, enough, settings.min_points, windows)
+            distance["ap_cut_first"] = cut
+            distance["difference"] = distance.ap_cut_first - distance.ap_r1000
+        areas = (distance, replicates)
+        by_table = {"pr_curve": pr_table(match_result), "distance_ap": distance}
+        if one.truth.of_lanes:
+            areas = cell_table(match_result, settings.min_objects)
+            by_table["cells"] = areas[0].copy()
+            areas[0].insert(0, "road", EVERYWHERE)
+        measures = list(figures(match_result, (distance, replicates), areas))
+        if ranges and which != "common":
+            near = list(by_range(match_result))
+            by_table["ranges"] = pd.DataFrame([row for row, _ in near])
+            measures += [(measure_of(row["range_m"]), r1000) for row, r1000 in near]
+        same = same_of(one.truth, match_result.blocks, settings.seed)
+        replicate_table = replicate_rows(same, which, measures)
+        by_table |= {
+            "areas": area_table(match_result, *areas),
+            "errors": error_table(match_result),
+            "false_positives": false_positive_table(match_result, enough, strict=False),
+        }
+        for name, rows in by_table.items():
+            rows.insert(0, "ground_truth", which)
+            tables.setdefault(name, []).append(rows)
+        tables.setdefault("replicates", []).append(replicate_table)
+    return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
+
+
+def _named(rows: pd.DataFrame, truth: GroundTruth, settings: Settings) -> pd.DataFrame:
+    rows.insert(0, "lidar", truth.name)
+    rows.insert(1, "class", next(iter(settings.classes)))
+    rows.insert(3, "iou", settings.ious_of(settings.metrics[0])[0])
+    return rows
 
 
 def match_results_of(
@@ -223,50 +334,5 @@ def match_results_of(
     truth = read_ground_truth(gt, frames, beyond_range=True)
     files = find_files(pred, frames, frame_numbers(gt, "all"), lidar_folder=gt).files
     predictions = read_predictions(files, read_cameras(gt, frames))
-    class_input = match_input(truth, predictions, next(iter(settings.classes)), settings, "bev")
-    matches = class_input.match(settings.ious[0], strict=False)
-    return [
-        count_matches(class_input, which, matches, settings.min_points)
-        for which in settings.ground_truths
-    ]
-
-
-def default_settings(gt: Path, object_class: str = "vehicle") -> Settings:
-    """Returns the default settings of a class for the LiDAR's folder `gt`.
-
-    If the folder has no training/objects, `captured` is the only ground-truth subset.
-    """
-    return settings_of(object_class, has_objects=(gt / "training/objects").is_dir())
-
-
-def settings_of(object_class: str, *, has_objects: bool) -> Settings:
-    """Returns the default settings of a class. Raises Error for an unknown class."""
-    if object_class not in OBJECT_CLASSES:
-        near = suggestion(object_class, OBJECT_CLASSES)
-        raise Error(f"object_class: expected a class, got '{object_class}'{near}")
-    settings = class_settings({object_class: OBJECT_CLASSES[object_class]})
-    return settings if has_objects else replace(settings, ground_truths=("captured",))
-
-
-def class_settings(classes: Mapping[str, tuple[str, ...]], *, custom_iou: bool = False) -> Settings:
-    """Returns the default settings of classes.
-
-    Pedestrians and cyclists have a lower IoU threshold than vehicles, and are also matched by
-    centres. Because the thresholds differ, the function raises Error for vehicles together with
-    pedestrians or cyclists. custom_iou: whether the user sets the threshold; then no error is
-    raised.
-    """
-    of_people = [are_people(types) for types in classes.values()]
-    if not any(of_people) or (custom_iou and not all(of_people)):
-        return Settings(classes=classes)
-    if not all(of_people):
-        names = ", ".join(classes)
-        raise Error(
-            f"classes: expected only vehicles or only people, or both with `ious`; got {names}"
-        )
-    return Settings(classes=classes, ious=(PERSON_IOU,), metrics=("bev", "centre"))
-
-
-def write(evaluation: Evaluation, out: Path) -> list[Path]:
-    """Writes the tables as CSV; returns the files."""
-    return evaluation.save(out)
+    one = match_input(truth, predictions, next(iter(settings.classes)), settings, "bev")
+    return list(primary_results(one, settings).values())

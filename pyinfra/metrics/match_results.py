@@ -26,8 +26,8 @@ from pyinfra.dataset.roads import Places
 from pyinfra.metrics import ap, intervals
 from pyinfra.metrics.intervals import Blocks
 from pyinfra.metrics.match_input import MatchInput
-from pyinfra.metrics.matching import LEAST_OVERLAP, TIE, reaches
-from pyinfra.metrics.settings import Protocol
+from pyinfra.metrics.matching import LEAST_OVERLAP, TIE, reaches, threshold_of
+from pyinfra.metrics.settings import Protocol, Settings
 
 CAUSES = ("background", "duplicate", "localisation")
 
@@ -143,6 +143,15 @@ def count_matches(
     true_positive[matched] = counted[matches[matched]]
     blocks = match_input.present_blocks if which == "present" else match_input.blocks
     return MatchResult(match_input, matches, counted, true_positive, false_positive, blocks)
+
+
+def primary_results(one: MatchInput, settings: Settings) -> dict[Subset, MatchResult]:
+    """Returns the match result of each ground-truth subset, for the first threshold."""
+    matches = one.match(threshold_of(one.metric, settings.ious[0]), strict=False)
+    return {
+        which: count_matches(one, which, matches, settings.min_points)
+        for which in settings.ground_truths
+    }
 
 
 def precision(ranking: ap.Ranking, protocol: Protocol, weights: IntArray | None) -> FloatArray:

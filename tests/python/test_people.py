@@ -26,7 +26,8 @@ from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions, read_vehicles
 from pyinfra.experiments.benchmark.measure import off_region_per_min
 from pyinfra.formats import kitti
-from pyinfra.metrics.evaluate import class_settings, evaluate
+from pyinfra.metrics.evaluate import evaluate
+from pyinfra.metrics.evaluation_input import class_settings
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.metrics.match_input import block_seconds, match_input

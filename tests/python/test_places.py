@@ -8,7 +8,7 @@ from evaluation_data import Vehicle, box, car, write_lidar, write_predictions, w
 
 from pyinfra.cli import main
 from pyinfra.core.errors import Error
-from pyinfra.metrics.evaluate import evaluate, write
+from pyinfra.metrics.evaluate import evaluate
 from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.metrics.match_input import block_seconds
 from pyinfra.metrics.places import compare_places
@@ -39,7 +39,7 @@ def evaluated(out: Path, frames: list[list[Vehicle]], missed: int = FRAMES + 1) 
         [(box(v), 0.9) for v in frame if v["points"] and (k + 1) % missed]
         for k, frame in enumerate(frames)
     ]
-    write(evaluate(gt, write_predictions(data / "predictions", predictions), SETTINGS), out)
+    evaluate(gt, write_predictions(data / "predictions", predictions), SETTINGS).save(out)
     return out
 
 
@@ -124,7 +124,7 @@ def test_places_of_another_class_threshold_or_metric_are_refused(
 ) -> None:
     one = evaluated(tmp_path / "one", vehicles(hidden=False))
     data = tmp_path / "one_data"
-    write(evaluate(data / "lidar", data / "predictions", other), tmp_path / "other")
+    evaluate(data / "lidar", data / "predictions", other).save(tmp_path / "other")
     with pytest.raises(Error, match=f"{name}: expected the same"):
         compare_places([one, tmp_path / "other"])
 

@@ -24,7 +24,7 @@ from pyinfra.experiments.stress import limits
 from pyinfra.experiments.stress.altered_scenes import read_base
 from pyinfra.experiments.value import KEY, covered
 from pyinfra.formats import kitti
-from pyinfra.metrics.evaluate import evaluate, write
+from pyinfra.metrics.evaluate import evaluate
 from pyinfra.metrics.evaluation_tables import LANES
 from pyinfra.metrics.frame_checks import validate
 from pyinfra.metrics.ground_truth import read_ground_truth
@@ -266,7 +266,7 @@ def test_areas_of_lanes_are_cells_and_distance_is_theirs_together(
     hqda = evaluation.replicates[evaluation.replicates.measure == "n_hqda"].value.item()
     assert hqda == 5
     out = tmp_path / "out"
-    files = {file.name for file in [*write(evaluation, out), *draw_all(evaluation, out)]}
+    files = {file.name for file in [*evaluation.save(out), *draw_all(evaluation, out)]}
     assert {"cells.csv", "areas_plan.svg", "distance_ap.svg"} <= files
 
 
