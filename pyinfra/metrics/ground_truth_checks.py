@@ -8,13 +8,14 @@ from pathlib import Path
 from pyinfra.dataset.data_set import without_region
 from pyinfra.dataset.frame_readers import other_types
 from pyinfra.dataset.frame_tables import Vehicles
+from pyinfra.dataset.road_checks import other_roads
 from pyinfra.metrics.prediction_checks import Finding
 
 
 def ground_truth_findings(
     lidar_folder: Path, frames: Sequence[int], vehicles: Vehicles, types: Sequence[str]
 ) -> Iterator[Finding]:
-    """Yields warnings about missing labels, labels that do not count, and a missing region.
+    """Yields warnings about missing labels, labels that do not count, and a wrong region.
 
     frames: frame numbers; `vehicles.frame` contains indices into `frames`. types: names of the
     types that are evaluated.
@@ -27,3 +28,5 @@ def ground_truth_findings(
         yield Finding("warning", "other-types", other)
     if missing := without_region(lidar_folder):
         yield Finding("warning", "no-roads", missing)
+    if other_region := other_roads(lidar_folder):
+        yield Finding("warning", "other-roads", other_region)
