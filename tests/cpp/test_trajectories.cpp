@@ -468,6 +468,19 @@ TEST(lazy_trajectories, that_are_many_keep_the_last_rows_until_an_earlier_one_is
   EXPECT_EQ(lazy.simulated(), 601);
 }
 
+TEST(lazy_trajectories, that_are_many_keep_rows_that_were_requested) {
+  SceneConfig scene = road_with_traffic(15);
+  scene.duration_s = 60;
+  const auto all = build_world(scene).trajectories;
+  LazyTrajectories lazy(std::make_shared<const Site>(build_site(scene)), 1000);
+  const std::array frames{3, 40, 200, 599};
+  for (const int k : frames) lazy.between(k, k + 1);
+  ASSERT_EQ(lazy.simulated(), 601);
+  ASSERT_LT(lazy.kept(), 601U);
+  for (const int k : frames) EXPECT_TRUE(equal(lazy.between(k, k + 1), all->in_step(k))) << k;
+  EXPECT_LT(lazy.kept(), 601U);  // rows are still dropped: no simulation began again
+}
+
 TEST(lazy_trajectories, are_the_same_to_several_threads) {
   SceneConfig scene = road_with_traffic(15);
   scene.duration_s = 20;

@@ -3,9 +3,11 @@
 #include <cstddef>
 #include <deque>
 #include <exception>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "infrasim/scene/site.h"
@@ -17,8 +19,9 @@ namespace infrasim {
 /// The objects of a scene. Traffic is simulated only up to the largest frame that was requested.
 /// The objects equal those of a simulation of the whole scene. Thread-safe.
 ///
-/// If there are too many states, the oldest rows are dropped. When a dropped row is requested, the
-/// scene is simulated again from its beginning, and no more rows are dropped.
+/// If there are too many states, the oldest rows are dropped. Rows that were requested before are
+/// kept, up to as many states. When a dropped row is requested, the scene is simulated again from
+/// its beginning, and no more rows are dropped.
 class LazyTrajectories {
  public:
   /// The constructor simulates nothing.
@@ -46,7 +49,10 @@ class LazyTrajectories {
   std::size_t kept() const;
 
  private:
+  bool has(int row) const;
+  const std::vector<ObjectState>& row(int k) const;
   void restart();
+  void drop_first();
   void advance();
   void advance_to(int row);
 
@@ -63,6 +69,9 @@ class LazyTrajectories {
   int first_ = 0;  ///< number of the first row in rows_
   std::size_t states_ = 0;
   std::deque<std::vector<ObjectState>> rows_;
+  std::set<int> requested_;  ///< numbers of requested rows that are not dropped yet
+  std::map<int, std::vector<ObjectState>> kept_;  ///< requested rows before first_
+  std::size_t kept_states_ = 0;
 };
 
 }  // namespace infrasim
