@@ -12,30 +12,32 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.errors import Error, FindingWarning, FormatError
 from pyinfra.core.names import StrPath, check_name, path_of
 from pyinfra.core.public import CALLER, public
-from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
+from pyinfra.dataset.frame_sequence import FrameSequence
 from pyinfra.dataset.frames import frame_numbers
-from pyinfra.dataset.loading import load_dataset, one_lidar
+from pyinfra.dataset.health import HEALTH_PICTURE
+from pyinfra.dataset.loading import one_lidar
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.exchange import track_files
 from pyinfra.formats.csv_table import read_words
 from pyinfra.tracking.table_file import write_tracks
 
 if TYPE_CHECKING:
+    from pyinfra.exchange.imported import ImportedFrames
     from pyinfra.exchange.recording import Boxes
 
 TRACK_FILES = {".csv": "tracks.csv"} | track_files.FORMATS  # by ending
 
 
-@public(vehicles_per_hour=(0, math.inf), seed=(0, 2**31 - 1))
+@public(radius_m=(10, 100_000), vehicles_per_hour=(0, math.inf), seed=(0, 2**31 - 1))
 def import_map(
     file: StrPath,
     out: StrPath,
     *,
     centre: tuple[float, float] | None = None,
-    radius_m: float = 300.0,
+    radius_m: float = 1000.0,
     mount: tuple[float, float, float, float] | None = None,
     traffic_side: Literal["left", "right"] | None = None,
     vehicles_per_hour: float = 1000.0,
@@ -89,11 +91,7 @@ def import_map(
     from pyinfra.scenes.maps.site_traffic import has_traffic, write_traffic
     from pyinfra.scenes.maps.traffic_demand import Demand
 
-    if not 10 <= radius_m <= 100_000:
-        raise Error(f"radius_m: expected 10 to 100000, got {radius_m:g}")
     folder = path_of(out, "out")
-    if traffic_side is not None:
-        check_name(traffic_side, ("left", "right"), "traffic_side")
     options = ImportOptions(
         centre=centre, radius_m=radius_m, mount=mount, traffic_side=traffic_side
     )
@@ -107,22 +105,27 @@ def import_map(
 @public()
 def import_recording(
     source: StrPath,
-    format: str,
+    format: str | None,
     out: StrPath,
     *,
+    scene: str | None = None,
+    model: str | None = None,
+    price_usd: tuple[float, float] | None = None,
     period_s: float | None = None,
     height_m: float | None = None,
     tilt_deg: tuple[float, float] | None = None,
+    upright: Literal["auto", "road", "as-is"] = "auto",
+    region: StrPath | None = None,
     types: Mapping[str, str] | None = None,
+    labels: StrPath | None = None,
+    label_columns: Mapping[str, str] | None = None,
     intensity_max: float | None = None,
     unit_m: float = 1.0,
     columns: int | None = None,
     channel: str | None = None,
-    labels: StrPath | None = None,
-    label_columns: Mapping[str, str] | None = None,
     strict: bool = False,
     skip_bad: bool = False,
-) -> RecordedFrames:
+) -> ImportedFrames:
     """Converts a recording of another tool to the folder of one LiDAR.
 
     All assumptions about the recording are written to the folder's lidar.yaml. The function warns
@@ -132,26 +135,33 @@ def import_recording(
     ----------
     source : folder or file of the recording, or `sample` for the recording of the package
     format : kitti, openpcdet, pcd, nuscenes, bag, pcap, las, ply, csv, bin, dair-v2x, tumtraf or
-        rcooper
+        rcooper; None guesses it from the names of the files
     out : new folder, named DATA/LIDAR: a data set's folder, which is new, empty or has a
         dataset.yaml, and a LiDAR's name; for a single name DATA, the LiDAR's name is `lidar`
+    scene : name of the site; by default that of the folder DATA
+    model : model of the LiDAR; by default the name of its folder
+    price_usd : lowest and highest price of the LiDAR in US dollars
     period_s : frame period; by default taken from the recording, or 0.1 if it has none
     height_m : height of the sensor above the road; by default estimated from the points
     tilt_deg : pitch (positive looks down) and roll of the sensor; points and boxes are levelled
+    upright : how points are levelled: `road` by a plane that is fitted to the road, `as-is` not at
+        all, `auto` as `road` unless the points should be level by their format or their labels
+    region : YAML file with the outline of the area where vehicles can be, which is copied to `out`
     types : maps class names of the recording to types (Car, Van, Truck, ...)
+    labels : folder of the labels, or a .csv file with a column of frames; default: by the format
+    label_columns : maps keys (frame, class, x, y, z or z_bottom, length, width, height, yaw or
+        yaw_deg, id) to the columns of .csv labels; plain names are recognised
     intensity_max : largest intensity of the source; by default detected: 1, 255, 4095 or 65535
     unit_m : length unit of the source's coordinates in metres
     columns : number of float32 values per point in a .bin file; by default detected
     channel : name or topic of the LiDAR, if the recording has several
-    labels : folder of the labels, or a .csv file with a column of frames; default: by the format
-    label_columns : maps keys (frame, class, x, y, z or z_bottom, length, width, height, yaw or
-        yaw_deg, id) to the columns of .csv labels; plain names are recognised
     strict : whether objects that cannot be read raise Error; by default they are left out
     skip_bad : whether to leave out frames that cannot be read; by default they raise Error
 
     Returns
     -------
-    The frames, as `load_dataset` returns them; their attribute `folder` is the LiDAR's folder
+    The frames, as `load_dataset` returns them; their attribute `folder` is the LiDAR's folder, and
+    `assumed` lists the assumptions, `not_read` files of the recording that were not read
 
     Raises
     ------
@@ -170,26 +180,47 @@ def import_recording(
     """
     from pyinfra.exchange import imports
     from pyinfra.exchange.formats import IMPORTS
+    from pyinfra.exchange.guess import guess_format
+    from pyinfra.exchange.imported import ImportedFrames
     from pyinfra.exchange.recording import Options
 
-    check_name(format, IMPORTS, "format")
     folder = imports.output_folder(path_of(out, "out"))
-    facts = imports.facts_of(
-        folder, period_s=period_s, height_m=height_m, tilt_deg=tilt_deg, types=types
-    )
-    label_folder = None if labels is None else path_of(labels, "labels")
-    options = Options(
-        intensity_max, columns, label_folder, channel, unit_m, dict(label_columns or {})
-    )
     recording = imports.recording_folder(path_of(source, "source"))
+    if format is None:  # a missing source is an error in all formats
+        format = guess_format(recording)[0] if recording.exists() else "pcd"
+    check_name(format, IMPORTS, "format")
+    facts = imports.facts_of(
+        folder,
+        scene=scene,
+        model=model,
+        price_usd=price_usd,
+        period_s=period_s,
+        height_m=height_m,
+        tilt_deg=tilt_deg,
+        types=types,
+    )
+    of_labels = None if labels is None else path_of(labels, "labels")
+    named = dict(label_columns or {})
+    options = Options(intensity_max, columns, of_labels, channel, unit_m, named)
     summary, labelled = imports.import_recording(
-        recording, format, folder, facts, imports.checked(options), strict=strict, skip_bad=skip_bad
+        recording,
+        format,
+        folder,
+        facts,
+        imports.checked(options),
+        upright=upright,
+        region=None if region is None else path_of(region, "region"),
+        strict=strict,
+        skip_bad=skip_bad,
     )
     for text in imports.warnings(summary, labelled, height_m):
-        warnings.warn(f"{source}: {text}", stacklevel=CALLER)
-    loaded = load_dataset(folder)
-    assert isinstance(loaded, RecordedFrames)
-    return loaded
+        warnings.warn(f"{source}: {text}", FindingWarning, stacklevel=CALLER)
+    if any(row.problems for row in summary.health):
+        from pyinfra.viz.health_plot import draw_health  # imports Matplotlib
+
+        draw_health(summary.health, folder / HEALTH_PICTURE)
+    numbers = tuple(frame_numbers(folder, "all"))
+    return ImportedFrames(folder, numbers, summary.assumed, tuple(summary.not_read), summary.types)
 
 
 @public()

@@ -7,24 +7,18 @@ import time
 from pathlib import Path
 from typing import get_args
 
-from pyinfra.cli.messages import warn, with_options
+from pyinfra.cli.arguments import arguments_of
+from pyinfra.cli.messages import printed_findings, with_options
 from pyinfra.cli.number_option import usd
+from pyinfra.conversion import import_recording
 from pyinfra.core.errors import Error
 from pyinfra.dataset.frames import frame_numbers, lidar_folder
+from pyinfra.dataset.health import HEALTH_PICTURE
 from pyinfra.exchange.formats import IMPORTS
 from pyinfra.exchange.guess import guess_format
-from pyinfra.exchange.imports import (
-    Upright,
-    checked,
-    facts_of,
-    import_recording,
-    output_folder,
-    recording_folder,
-    warnings,
-)
+from pyinfra.exchange.imports import Upright, recording_folder
 from pyinfra.exchange.object_types import parse_types
 from pyinfra.exchange.rates import summary
-from pyinfra.exchange.recording import Options
 from pyinfra.exchange.unread import listed
 from pyinfra.formats.box_csv import NAMES, parse_columns
 
@@ -182,51 +176,21 @@ def run(args: argparse.Namespace) -> int:
     if args.boxes_of:
         return _import_boxes(args)
     since = time.perf_counter()
-    args.out = output_folder(args.out)
-    options = Options(
-        args.intensity_max,
-        args.columns,
-        args.labels,
-        args.channel,
-        args.unit_m,
-        parse_columns(args.label_columns),
-    )
-    facts = facts_of(
-        args.out,
-        scene=args.scene,
-        model=args.model,
-        price_usd=args.price_usd,
-        period_s=args.period_s,
-        height_m=args.height_m,
-        tilt_deg=args.tilt_deg,
-        types=parse_types(args.types),
-    )
-    source, format = recording_folder(args.source), args.format
-    if format is None and source.exists():
-        format, reason = guess_format(source)
-        print(f"guessed: format {format}, because of {reason}; --from chooses another")
-    imported, labelled = import_recording(
-        source,
-        format or "pcd",  # a missing source is an error in all formats
-        args.out,
-        facts,
-        checked(options),
-        upright=args.upright,
-        region=args.region,
-        strict=args.strict,
-        skip_bad=args.skip_bad,
-    )
+    source = recording_folder(args.source)
+    if args.format is None and source.exists():
+        args.format, reason = guess_format(source)
+        print(f"guessed: format {args.format}, because of {reason}; --from chooses another")
+    args.types = parse_types(args.types)
+    args.label_columns = parse_columns(args.label_columns)
+    with printed_findings(args):
+        imported = import_recording(**arguments_of(import_recording, args))
+    args.out = imported.folder
     for line in imported.assumed:
         print(f"assumed: {with_options(line, args.options)}")
     if imported.not_read:
         print(f"not read: {listed(imported.not_read)}")
-    for line in warnings(imported, labelled, args.height_m):
-        warn(f"{args.source}: {line}", args)
-    if any(row.problems for row in imported.health):
-        from pyinfra.viz.health_plot import HEALTH_PICTURE, draw_health
-
-        draw_health(imported.health, args.out / HEALTH_PICTURE)
-        print(f"{args.out / HEALTH_PICTURE}")
+    if (args.out / HEALTH_PICTURE).is_file():
+        print(args.out / HEALTH_PICTURE)
     kinds = ", ".join(f"{count} {name}" for name, count in imported.types.most_common())
-    print(f"{args.out}: {summary(imported.frames, args.out, since)}; {kinds or 'no label'}")
+    print(f"{args.out}: {summary(len(imported), args.out, since)}; {kinds or 'no label'}")
     return 0

@@ -7,10 +7,13 @@ import re
 import shlex
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from pyinfra.core.errors import keep_traceback
+from pyinfra.core.errors import FindingWarning, keep_traceback
 from pyinfra.core.version import __version__
 
 Options = Mapping[str, str]  # maps an argument such as `height_m` to its option `--height-m`
@@ -81,3 +84,20 @@ def report_bug(error: Exception, words: Sequence[str]) -> str:
     except OSError as no_file:
         return f"{text}; no traceback was written: {message_of(no_file)}"
     return f"{text}; please report it with its traceback, which is in {file.name}"
+
+
+@contextmanager
+def printed_findings(args: argparse.Namespace) -> Iterator[None]:
+    """Context manager that prints the findings of the library as warnings of the command."""
+    with warnings.catch_warnings():
+        show = warnings.showwarning
+
+        def printed(message: Warning | str, category: type[Warning], *rest: Any) -> None:
+            if issubclass(category, FindingWarning):
+                warn(str(message), args)
+            else:
+                show(message, category, *rest)
+
+        warnings.showwarning = printed  # type: ignore[assignment]
+        warnings.simplefilter("always", FindingWarning)
+        yield

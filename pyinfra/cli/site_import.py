@@ -3,12 +3,13 @@
 import argparse
 from pathlib import Path
 
+from pyinfra.cli.arguments import arguments_of
 from pyinfra.cli.number_option import numbers
-from pyinfra.core.errors import Error
+from pyinfra.conversion import import_map
+from pyinfra.formats.yaml_file import read_keys
 from pyinfra.scenes.maps.compass import looks_to
-from pyinfra.scenes.maps.map_import import import_map
-from pyinfra.scenes.maps.map_readers import RADIUS_M, ImportOptions
-from pyinfra.scenes.maps.site_folder import yaws
+from pyinfra.scenes.maps.map_readers import RADIUS_M
+from pyinfra.scenes.maps.site_folder import MAP, yaws
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,26 +47,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    if not 10 <= args.radius_m <= 100_000:
-        raise Error(f"radius_m: expected 10 to 100000, got {args.radius_m:g}")
-    options = ImportOptions(
-        centre=args.centre,
-        radius_m=args.radius_m,
-        mount=args.mount,
-        traffic_side=args.traffic_side,
-    )
-    made = import_map(args.file, args.out, options)
-    pole = made.pole
-    print(args.out / "site.yaml" if made.anew else f"{args.out}: has the same import already")
-    print(f"{made.lanes} lanes, {made.triangles} triangles")
-    if made.anew:
-        print(f"pole at {pole.x_m:g} {pole.y_m:g} {pole.z_m:g} m, yaw {pole.yaw_deg:g} degrees")
+    known = (args.out / MAP).exists()  # a folder of another import is an error
+    site = import_map(**arguments_of(import_map, args), vehicles_per_hour=0)
+    record = read_keys(args.out / MAP)
+    print(f"{args.out}: has the same import already" if known else site)
+    print(f"{record['lanes']} lanes, {record['triangles']} triangles")
+    if not known:
+        pole = record["pole"]
+        place = " ".join(f"{pole[name]:g}" for name in ("x_m", "y_m", "z_m"))
+        print(f"pole at {place} m, yaw {pole['yaw_deg']:g} degrees")
     for name, yaw_deg in yaws(args.out).items():  # the user may have changed the mounts
         print(f"{name} looks to {looks_to(yaw_deg)}")
-    listed = [f"{len(rows)} {kind}" for kind, rows in made.record["features"].items()]
+    listed = [f"{len(rows)} {kind}" for kind, rows in record["features"].items()]
     if listed:
         print(f"features: {', '.join(listed)} (map.yaml)")
     for key in ("guessed", "mended", "not_understood", "network"):
-        if made.record[key]:
-            print(f"{key.replace('_', ' ')}: {len(made.record[key])} (map.yaml)")
+        if record[key]:
+            print(f"{key.replace('_', ' ')}: {len(record[key])} (map.yaml)")
     return 0

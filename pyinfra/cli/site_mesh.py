@@ -3,9 +3,11 @@
 import argparse
 from pathlib import Path
 
+from pyinfra.cli.arguments import arguments_of
 from pyinfra.cli.number_option import numbers
-from pyinfra.core.errors import Error
-from pyinfra.scenes.maps.mesh_import import MATERIALS, MeshPlacement, import_mesh
+from pyinfra.formats.ply import read_ply
+from pyinfra.scenes.maps.mesh_import import MATERIALS
+from pyinfra.sites import import_mesh
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -16,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = "example: pyinfra site mesh station.glb --out sites/corner --offset 20,35,0"
     parser.add_argument("file", type=Path, metavar="FILE", help="3-D model")
     add = parser.add_argument
-    add("--out", type=Path, required=True, metavar="SITE", help="folder of the site")
+    add("--out", dest="site", type=Path, required=True, metavar="SITE", help="folder of the site")
     add("--material", choices=MATERIALS, default="structure", help="material; default: structure")
     add(
         "--up",
@@ -27,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--scale", type=float, default=1.0, help="unit of the file in metres; default: 1")
     add(
         "--offset",
+        dest="offset_m",
         type=numbers("X,Y,Z"),
         default=(0.0, 0.0, 0.0),
         metavar="X,Y,Z",
@@ -35,12 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    if not 1e-6 <= args.scale <= 1e6:
-        raise Error(f"--scale: expected 1e-6 to 1e6, got {args.scale:g}")
-    placement = MeshPlacement(args.scale, args.up, args.offset)
-    mesh = import_mesh(args.file, args.out, args.material, placement)
+    made = import_mesh(**arguments_of(import_mesh, args))
+    mesh = read_ply(made)
     low, high = mesh.vertices.min(0), mesh.vertices.max(0)
     spans = [f"{a} {v:.1f} to {w:.1f}" for a, v, w in zip("xyz", low, high, strict=True)]
-    print(args.out / "meshes" / f"{args.file.stem.lower()}.ply")
+    print(made)
     print(f"{len(mesh.faces)} triangles, {', '.join(spans)} m")
     return 0

@@ -24,6 +24,7 @@ from pyinfra.dataset.dead_lines import dead_lines, elevations_of
 from pyinfra.formats import kitti
 
 HEALTH_FILE = "health.csv"
+HEALTH_PICTURE = "health.png"
 REFERENCE_S = 60.0
 LEAST_FRAMES = 5  # shorter recordings are not compared
 LEAST_POINTS = 1000  # nor are recordings whose frames have fewer points

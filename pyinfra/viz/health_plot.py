@@ -9,7 +9,6 @@ import matplotlib.pyplot as plt
 
 from pyinfra.dataset.health import FrameHealth
 
-HEALTH_PICTURE = "health.png"
 BAD = "tab:red"
 
 

@@ -51,7 +51,7 @@ def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement)
         x, y = mesh.vertices[:, :2].mean(axis=0)
         raise FormatError(
             f"{file}: expected a mesh within {FARTHEST_M:g} m of a mount, got a distance of "
-            f"{away:.0f} m, around x = {x:.0f}, y = {y:.0f}; `offset` moves the mesh"
+            f"{away:.0f} m, around x = {x:.0f}, y = {y:.0f}; `offset_m` moves the mesh"
         )
     scene = with_mesh(site / SCENE, {"file": name, "material": material})
     (site / "meshes").mkdir(exist_ok=True)
