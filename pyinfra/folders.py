@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import pandas as pd
 
 from pyinfra.core.errors import Error
+from pyinfra.core.files import regular_files_only
 from pyinfra.core.names import StrPath, path_of
 from pyinfra.core.public import CALLER, public
 from pyinfra.core.vocabulary import Tier
@@ -399,7 +400,7 @@ def view(
     if predictions is not None and not isinstance(predictions, Mapping):
         words = [str(path_of(predictions, "predictions"))]
     wanted = [frames] if isinstance(frames, int) else frames
-    with _folders(data, of_lidar=True) as folders:
+    with _folders(data, of_lidar=True) as folders, regular_files_only(map(Path, named.values())):
         write_view(folders, path_of(out, "out"), lidars, wanted, words, max_points)
     return path_of(out, "out")
 

@@ -45,7 +45,7 @@ def checked_call(
     Raises ArgumentError for an unknown name, a missing argument and a wrong type, and Error for a
     number out of range or an unknown word.
     """
-    signature, name = _signature(function), function.__name__
+    signature, name, kinds = _signature(function), function.__name__, function.__annotations__
     for word in named:
         if word not in signature.parameters:
             near = suggestion(word, signature.parameters)
@@ -56,7 +56,7 @@ def checked_call(
         raise ArgumentError(f"{name}: {error}") from None
     scope = vars(vocabulary) | getattr(function, "__globals__", {})
     return {
-        key: checked(value, str(signature.parameters[key].annotation), scope, key, ranges.get(key))
+        key: checked(value, str(kinds[key]), scope, key, ranges.get(key)) if key in kinds else value
         for key, value in given.items()
     }
 

@@ -13,7 +13,7 @@ import shutil
 import stat
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
@@ -60,29 +60,40 @@ def _expect_regular(file: Path) -> None:
 
 
 @contextmanager
-def regular_files_only() -> Iterator[None]:
+def regular_files_only(within: Iterable[Path] = (Path("/"),)) -> Iterator[None]:
     """Refuses to open FIFOs, devices and sockets by their path in the block.
 
     A read of them may never end. The check covers each `open` of Python and of packages that use
-    it, in this process only; it raises Error. The null device can be opened.
+    it, in all threads of this process only; it raises Error. The null device can be opened.
+    within: files and folders; only these files, and files in these folders, are checked. For the
+    folder of a LiDAR, files in its data set are checked too.
     """
-    if not _GUARD["installed"]:
+    if not _INSTALLED:
+        _INSTALLED.append(True)
         sys.addaudithook(_check_open)  # a hook cannot be removed
-        _GUARD["installed"] = True
-    before, _GUARD["on"] = _GUARD["on"], True
+    paths = [Path(path).absolute() for path in within if "\0" not in str(path)]
+    paths += [path.parent for path in paths if (path.parent / "dataset.yaml").exists()]
+    checked = {text for path in paths for text in (os.path.normpath(path), os.path.realpath(path))}
+    _CHECKED.extend(checked)
     try:
         yield
     finally:
-        _GUARD["on"] = before
+        for path in checked:  # another thread may have added the same path
+            _CHECKED.remove(path)
 
 
-_GUARD = {"installed": False, "on": False}
+_INSTALLED: list[bool] = []
+_CHECKED: list[str] = []  # absolute paths of `regular_files_only`
 
 
 def _check_open(event: str, arguments: tuple[Any, ...]) -> None:
-    file = arguments[0] if event == "open" and _GUARD["on"] else None
-    if isinstance(file, (str, bytes)) and os.fsdecode(file) != os.devnull:
-        _expect_regular(Path(os.fsdecode(file)))
+    if event != "open" or not _CHECKED or not isinstance(arguments[0], (str, bytes)):
+        return
+    file = os.path.normpath(Path(os.fsdecode(arguments[0])).absolute())
+    if file == os.devnull:
+        return
+    if any(file == path or file.startswith(f"{path.rstrip('/')}/") for path in tuple(_CHECKED)):
+        _expect_regular(Path(file))
 
 
 def check_size(file: Path, most: int) -> None:

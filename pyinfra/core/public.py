@@ -11,6 +11,7 @@ from typing import Any, TypeVar, cast
 
 from pyinfra.core.arguments import Range, checked_call
 from pyinfra.core.errors import Error
+from pyinfra.core.files import regular_files_only
 
 F = TypeVar("F", bound=Callable[..., Any])
 CALLER = 3  # `stacklevel` of a warning in a public function: the line of the user's call
@@ -34,7 +35,7 @@ def public(**ranges: Range) -> Callable[[F], F]:
 
     Arguments must fit the annotations of the function (`arguments.py`). ranges: the least and the
     greatest number of arguments. Wrong paths raise a PathError. Other system errors, such as a full
-    disk, stay OSError.
+    disk, stay OSError. FIFOs and devices in path arguments, and in their folders, are not opened.
     """
     return lambda function: _checked(function, ranges)
 
@@ -44,7 +45,8 @@ def _checked(function: F, ranges: dict[str, Range]) -> F:
     def call(*args: Any, **named: Any) -> Any:
         given = checked_call(function, args, named, ranges)
         try:
-            return function(**given)
+            with regular_files_only(path for _, path in _paths(given)):
+                return function(**given)
         except Error:
             raise
         except OSError as error:

@@ -12,7 +12,7 @@ from pyinfra.dataset.frame_sequence import RecordedFrames
 class ImportedFrames(RecordedFrames):
     """The frames of an imported recording.
 
-    `assumed` lists the assumptions about the recording, `not_read` its files that were not read, and
+    `assumed` lists the assumptions about the recording, `not_read` what was not read of it, and
     `types` counts the labels by type.
     """
 

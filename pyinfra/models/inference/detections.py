@@ -11,6 +11,7 @@ import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.core.names import StrPath, path_of
+from pyinfra.core.public import public
 from pyinfra.dataset.frame_readers import Cameras, read_cameras, read_predictions
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.object_rows import BOX
@@ -50,6 +51,7 @@ class Detections(pd.DataFrame):  # type: ignore[misc]  # pandas has no types
         return out
 
     @classmethod
+    @public()
     def from_nuscenes(
         cls, file: StrPath, source: StrPath, frames: Sequence[int] | None = None
     ) -> Detections:
@@ -73,6 +75,7 @@ class Detections(pd.DataFrame):  # type: ignore[misc]  # pandas has no types
         return cls(pd.concat(parts, ignore_index=True)[COLUMNS])
 
     @classmethod
+    @public()
     def from_csv(
         cls, file: StrPath, lidar_folder: StrPath, columns: Mapping[str, str] | None = None
     ) -> Detections:
@@ -90,6 +93,7 @@ class Detections(pd.DataFrame):  # type: ignore[misc]  # pandas has no types
         return cls(csv_detections(path_of(file, "file"), folder, columns or {})[COLUMNS])
 
     @classmethod
+    @public()
     def from_kitti(cls, folder: StrPath, lidar_folder: StrPath | None = None) -> Detections:
         """Reads a folder of KITTI results (.txt) or of CSV files in the LiDAR frame.
 
