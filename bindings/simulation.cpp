@@ -66,6 +66,29 @@ std::pair<py::array_t<float>, py::array_t<std::uint32_t>> mesh_arrays(const Worl
                                  mesh.triangles.data()->data())};
 }
 
+/// Returns a copy whose return model keeps each hit within the maximum range at the exact range.
+LidarConfig with_every_hit(LidarConfig lidar) {
+  for (LidarUnit& unit : lidar.units) {
+    ReturnsConfig& returns = unit.returns;
+    returns = {.min_range_m = returns.min_range_m,
+               .max_range_m = returns.max_range_m,
+               .range_accuracy_m = 0,
+               .drop_off = std::nullopt,
+               .detection = returns.detection,
+               .beam = std::nullopt,
+               .echoes = std::nullopt};
+    if (!returns.detection) continue;
+    // Intensities stay those of received power.
+    returns.detection->range_at_10_percent_m = kLongestPublishedRange_m;
+    returns.detection->further_ranges.clear();
+    returns.detection->law_exponent = kLeastExponent;
+    if (!unit.pattern.spinning) continue;
+    for (Channel& channel : unit.pattern.spinning->channels.table)
+      channel.range_at_10_percent_m.reset();
+  }
+  return lidar;
+}
+
 /// One object of the scene, which is a NumPy record in Python.
 struct SceneObject {
   std::int32_t id;
@@ -114,6 +137,9 @@ void bind_simulation(py::module_& m) {
           },
           "Returns a copy whose spinning motors start at random angles, derived from "
           "the scene's seed.")
+      .def("with_every_hit", &with_every_hit,
+           "Returns a copy in which each ray that hits something within the maximum range gives a "
+           "point at the exact range: without loss, noise, width of the beam and further echoes.")
       .def("with_rate", &with_rate, py::arg("rate_hz"),
            "Returns a copy with another number of frames per second, 5 to 20. The firing cycle of "
            "a spinning LiDAR does not change, so that its columns per turn do.")

@@ -149,6 +149,10 @@ class Lidar:
         """
         Returns a copy whose rays give the strongest, first or last echo as a point, or two (dual).
         """
+    def with_every_hit(self) -> Lidar:
+        """
+        Returns a copy in which each ray that hits something within the maximum range gives a point at the exact range: without loss, noise, width of the beam and further echoes.
+        """
     def with_free_motors(self) -> Lidar:
         """
         Returns a copy whose spinning motors start at random angles, derived from the scene's seed.

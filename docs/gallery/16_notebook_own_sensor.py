@@ -25,7 +25,7 @@ lidar = pi.load_lidar(keys)
 print(lidar.name, lidar.period_s)
 
 # %%
-# A model of returns gets the hits of a frame and a random generator, and returns the points. In
+# A model of returns gets the hits of all rays and a random generator, and returns the points. In
 # this one, fog takes more of the far hits.
 
 

@@ -11,16 +11,16 @@ from abc import abstractmethod
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
 import pandas as pd
 import yaml
 
 from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray, Records
-from pyinfra.core.files import resolved
+from pyinfra.core.files import regular_files_only, resolved
 from pyinfra.core.names import StrPath
 from pyinfra.core.present import Presented, extent_of
 from pyinfra.core.progress import track
@@ -41,6 +41,7 @@ from pyinfra.formats import kitti
 if TYPE_CHECKING:
     from pyinfra.dataset import simulation
 
+Result = TypeVar("Result")
 KEPT = 16  # clouds that a sequence keeps in memory
 
 
@@ -346,7 +347,8 @@ class SimulatedFrames(FrameSequence):
         """
         from pyinfra.dataset import simulation
 
-        stream = simulation.simulate(self.world, [self.unit], numbers, threads=self.threads)
+        unit = self.unit if self.returns is None else self.unit.with_every_hit()
+        stream = simulation.simulate(self.world, [unit], numbers, threads=self.threads)
         for number, (frame,) in stream:
             self.rows[number] = frame.objects
             cloud = simulation.points(frame), simulation.fields(frame)
@@ -357,6 +359,17 @@ class SimulatedFrames(FrameSequence):
             while len(self.clouds) > self.kept:
                 self.clouds.popitem(last=False)
             yield number, cloud
+
+
+def _regular(read: Callable[..., Result]) -> Callable[..., Result]:
+    """Makes a method of RecordedFrames refuse FIFOs and devices in its folder."""
+
+    @wraps(read)
+    def call(self: RecordedFrames, *args: Any) -> Result:
+        with regular_files_only([self.folder]):
+            return read(self, *args)
+
+    return call
 
 
 @dataclass(eq=False, repr=False)
@@ -371,15 +384,18 @@ class RecordedFrames(FrameSequence):
         return self.lidar.name if self.lidar else self.folder.name
 
     @cached_property
+    @_regular
     def lidar(self) -> kitti.Lidar | None:
         has_lidar = (self.folder / "lidar.yaml").is_file()
         return kitti.read_lidar(self.folder) if has_lidar else None
 
     @cached_property
+    @_regular
     def ground(self) -> Ground | None:
         return ground_of(self.folder) if self.lidar else None
 
     @cached_property
+    @_regular
     def region(self) -> Region | None:
         return region_of(self.folder, self.lidar.T_world_levelled) if self.lidar else None
 
@@ -388,6 +404,7 @@ class RecordedFrames(FrameSequence):
         return resolved(self.folder).parent.name
 
     @property
+    @_regular
     def frames_version(self) -> str:
         return number_at(self.folder)
 
@@ -398,16 +415,20 @@ class RecordedFrames(FrameSequence):
     def of(self, numbers: Sequence[int]) -> RecordedFrames:
         return RecordedFrames(self.folder, tuple(numbers))
 
+    @_regular
     def points_of(self, number: int) -> Float32Array:
         return kitti.read_points(kitti.frame_file(self.folder, "velodyne", number))
 
+    @_regular
     def fields_of(self, number: int) -> Records | None:
         file = kitti.frame_file(self.folder, "fields", number)
         return kitti.read_fields(file) if file.is_file() else None
 
+    @_regular
     def objects_of(self, number: int) -> Vehicles:
         return read_vehicles(self.folder, [number])
 
+    @_regular
     def vehicles(self) -> Vehicles:
         return read_vehicles(self.folder, self.numbers)
 

@@ -15,6 +15,7 @@ from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray, Records
 from pyinfra.dataset import simulation
 from pyinfra.dataset.frame_sequence import SimulatedFrames
 from pyinfra.dataset.loading import with_overrides
+from pyinfra.dataset.made import recipe_of
 from pyinfra.dataset.world_frame import rotation, to_levelled, to_world
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.yaml_file import read_keys
@@ -99,7 +100,7 @@ def yaw_error(yaw_deg: float) -> PoseError:
 
 def keys_of(world: simulation.World) -> dict[str, Any]:
     """Returns the keys of a world's scene as they were given, with all mounts and overrides."""
-    recipe = simulation.recipe_of(world)
+    recipe = recipe_of(world)
     source, is_file = recipe.args[0], recipe.func is simulation.World
     keys = read_keys(Path(source)) if is_file else yaml.safe_load(source)
     pairs = (text.partition("=")[::2] for text in (recipe.args[1] if is_file else ()))

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import atexit
 import json
 import os
 import re
-import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -31,6 +29,7 @@ from pyinfra.dataset.frame_sequence import (
     RecordedFrames,
 )
 from pyinfra.dataset.frames import frame_numbers, lidars_in
+from pyinfra.dataset.own_files import own_file
 from pyinfra.formats.ply import Triangles, write_ply
 from pyinfra.formats.yaml_file import read_keys
 
@@ -200,18 +199,8 @@ def with_overrides(
 def file_of_keys(keys: Mapping[str, object]) -> Path:
     """Returns a file with the keys of a LiDAR, which is removed when the process ends."""
     text = yaml.safe_dump(_with_paths(plain(keys)), sort_keys=False)
-    file = temporary_folder() / f"{sha256(text.encode()).hexdigest()[:16]}.yaml"
-    file.write_text(text)
-    return file
-
-
-def temporary_folder() -> Path:
-    """Returns a folder of this process, which is removed when the process ends."""
-    folder = Path(tempfile.gettempdir()) / f"pyinfra_{os.getpid()}"
-    if not folder.is_dir():
-        folder.mkdir()
-        atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return folder
+    name = f"{sha256(text.encode()).hexdigest()[:16]}.yaml"
+    return own_file(name, lambda file: file.write_text(text))
 
 
 def with_meshes(
@@ -234,8 +223,7 @@ def _mesh_files(
             if array.ndim != 2 or array.shape[1] != 3:
                 raise Error(f"meshes: expected {name} (n, 3), got {array.shape}")
         digest = sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest()[:16]
-        file = temporary_folder() / f"{digest}.ply"
-        write_ply(file, mesh)
+        file = own_file(f"{digest}.ply", partial(write_ply, mesh=mesh))
         values.append({"file": str(file), "material": material})
     return values
 
@@ -246,7 +234,7 @@ def _with_paths(value: Any, key: str = "") -> Any:
         return {name: _with_paths(inner, name) for name, inner in value.items()}
     if isinstance(value, list):
         return [_with_paths(inner, key) for inner in value]
-    if key != "file" or not isinstance(value, str):
+    if key != "file" or not isinstance(value, str) or not value:
         return value
     ours = configs() / "lidars" / value
     return str(Path(value).absolute() if Path(value).exists() or not ours.exists() else ours)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import copyreg
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import TypeAlias
 from warnings import warn
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import yaml
@@ -39,6 +37,7 @@ from pyinfra.core.arrays import Float32Array, FloatArray, Points, Records
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import LabelTime
 from pyinfra.dataset.frames import PERIOD_S
+from pyinfra.dataset.made import recipe_of, remembered
 from pyinfra.formats import kitti
 
 __all__ = [
@@ -73,26 +72,6 @@ __all__ = [
     "simulate",
     "with_mount",
 ]
-
-Made = TypeVar("Made", World, Lidar)
-_RECIPES: WeakKeyDictionary[Any, Callable[[], Any]] = WeakKeyDictionary()  # for pickling
-
-
-def _remembered(made: Made, recipe: Callable[[], Made]) -> Made:
-    """Keeps the function that makes an object again, in this or in another process."""
-    _RECIPES[made] = recipe
-    return made
-
-
-def _reduced(made: object) -> tuple[Callable[[], Any], tuple[()]]:
-    if made not in _RECIPES:
-        name = type(made).__name__
-        raise Error(f"{name}: expected a result of load_scene or load_lidar to pickle, got a copy")
-    return _RECIPES[made], ()
-
-
-for _kind in (World, Lidar):
-    copyreg.pickle(_kind, _reduced)
 
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # CSafeDumper is faster
 
@@ -130,7 +109,7 @@ def load_scene(
     if seed is not None:
         assignments.append(f"seed={seed}")
     make = partial(World, str(Path(file).absolute()), assignments, preset, mount)
-    return _remembered(World(str(file), assignments, preset, mount), make)
+    return remembered(World(str(file), assignments, preset, mount), make)
 
 
 def load_observer(
@@ -163,20 +142,19 @@ def make_world(scene: Mapping[str, object], *, preset: str = "datasheet", mount:
     folder. Raises ConfigError and IoError.
     """
     text = yaml.dump(dict(scene), Dumper=_DUMPER, sort_keys=False, default_flow_style=None)
-    make = partial(World.of_text, text, str(scene.get("name", "scene")), preset, mount)
-    return _remembered(make(), make)
+    make = partial(_world_of_text, text, str(scene.get("name", "scene")), preset, mount)
+    return remembered(make(), make)
 
 
-def recipe_of(world: World) -> Any:
-    """Returns the call that made a world, with the file or text of its scene as first argument."""
-    return _RECIPES[world]
+def _world_of_text(text: str, name: str, preset: str, mount: str) -> World:
+    return World.of_text(text, name, preset, mount)  # itself it cannot be pickled
 
 
 def with_mount(world: World, mount: str) -> World:
     """Returns a world that load_scene or make_world made, at another mount of its scene."""
     recipe = recipe_of(world)
     make: Callable[[], World] = partial(recipe.func, *recipe.args[:-1], mount)
-    return _remembered(make(), make)
+    return remembered(make(), make)
 
 
 def load_lidar(
@@ -193,15 +171,12 @@ def load_lidar(
     law_exponent: exponent of the detection law of a LiDAR with one published range
     echo: echoes of a ray that become points: strongest, first, last or dual
     """
-    lidar = Lidar(str(file), preset)
+    lidar = remembered(Lidar(str(file), preset), partial(Lidar, str(Path(file).absolute()), preset))
     if rate_hz is not None:
         lidar = lidar.with_rate(rate_hz)
     if law_exponent is not None:
         lidar = lidar.with_law_exponent(law_exponent)
-    lidar = lidar if echo is None else lidar.with_echo(echo)
-    again = partial(load_lidar, Path(file).absolute(), preset)
-    make = partial(again, rate_hz=rate_hz, law_exponent=law_exponent, echo=echo)
-    return _remembered(lidar, make)
+    return lidar if echo is None else lidar.with_echo(echo)
 
 
 def label_time(scene: World, lidar: Lidar) -> LabelTime:

@@ -15,16 +15,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.core.present import Presented
 from pyinfra.metrics import intervals
 
 
-@dataclass(frozen=True)
-class Interval:
+@dataclass(frozen=True, repr=False)
+class Interval(Presented):
     """A figure and its 95 % interval. Both ends are NaN if the interval is unknown."""
 
     value: float
     low: float
     high: float
+
+    def facts(self) -> dict[str, object]:
+        return dict(vars(self))
 
     @property
     def is_known(self) -> bool:

@@ -12,6 +12,7 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.core.names import path_of
+from pyinfra.core.present import Presented
 from pyinfra.core.public import public
 from pyinfra.tracking.lines import AnyLines, Line, lines_of
 from pyinfra.tracking.movements import movements
@@ -23,8 +24,8 @@ TABLES = ("passages", "flows", "movements", "travel", "queues")
 _NEEDED = ("frame", "t_s", "id", "type", "x", "y", "dx", "speed_m_s")
 
 
-@dataclass(frozen=True, eq=False)
-class Counts:
+@dataclass(frozen=True, eq=False, repr=False)
+class Counts(Presented):
     """Passages of tracks over lines, and tables made of them.
 
     Attributes
@@ -49,8 +50,9 @@ class Counts:
     travel: pd.DataFrame
     queues: pd.DataFrame
 
-    def __repr__(self) -> str:
-        return f"Counts({len(self.passages)} passages, {len(self.lines)} lines, {self.seconds:g} s)"
+    def facts(self) -> dict[str, object]:
+        counts = {"passages": len(self.passages), "lines": len(self.lines)}
+        return counts | {"seconds": f"{self.seconds:g}"}
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Writes each table as a CSV file, such as flows.csv, and returns the folder."""

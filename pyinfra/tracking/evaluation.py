@@ -11,6 +11,7 @@ from scipy.optimize import linear_sum_assignment
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.errors import Error
+from pyinfra.core.present import Presented
 from pyinfra.core.public import public
 from pyinfra.core.vocabulary import VEHICLE_TYPES
 from pyinfra.dataset.frame_sequence import FrameSequence
@@ -25,8 +26,8 @@ PASSAGE_S, PASSAGE_M = 1.5, 2.5  # largest differences between a passage and its
 _RISE = 5  # frames before and after a frame, over which the true speed is measured
 
 
-@dataclass(frozen=True, eq=False)
-class TrackEvaluation:
+@dataclass(frozen=True, eq=False, repr=False)
+class TrackEvaluation(Presented):
     """Measures of tracks. Vehicles count that are visible and within `within_m` of the sensor.
 
     Attributes
@@ -45,12 +46,10 @@ class TrackEvaluation:
     passages: pd.DataFrame
     missed: pd.DataFrame
 
-    def __repr__(self) -> str:
-        m = self.measures
-        return (
-            f"TrackEvaluation(HOTA {m.hota:.1f}, MOTA {m.mota:.1f}, {m.switches:.0f} switches, "
-            f"{len(self.passages)} passages of {self.movements.true.sum()})"
-        )
+    def facts(self) -> dict[str, object]:
+        m, passages = self.measures, f"{len(self.passages)} of {self.movements.true.sum()}"
+        rounded = {"hota": f"{m.hota:.1f}", "mota": f"{m.mota:.1f}", "switches": int(m.switches)}
+        return rounded | {"passages": passages}
 
 
 @public()

@@ -1030,6 +1030,23 @@ TEST(bundle, of_one_turned_unit_is_dumped_with_its_turn_and_reads_back) {
   }
 }
 
+TEST(bundle, of_several_units_is_dumped_with_its_price_and_reads_back) {
+  const TestFolder folder;
+  folder.write("part.yaml", kLidar);
+  const LidarConfig lidar =
+      read_lidar(folder.write("bundle.yaml",
+                              "name: pair\nbundle: [{lidar: part.yaml, yaw_deg: 35}, "
+                              "{lidar: part.yaml, yaw_deg: -35}]\n"),
+                 "even");
+  const std::string dumped = dump_lidar(lidar);
+  const LidarConfig back = read_lidar(folder.write("dumped.yaml", dumped), "even");
+  EXPECT_EQ(dump_lidar(back), dumped);
+  EXPECT_EQ(back.units.size(), 2U);
+  EXPECT_EQ(back.price_usd.high, 4);
+  // Folders of earlier versions have no price of a bundle, and stay the same data set.
+  EXPECT_EQ(canonical_lidar(lidar).find("price_usd"), std::string::npos);
+}
+
 TEST(lidar_file, says_how_its_motors_start) {
   const TestFolder folder;
   const auto file = folder.write("lidar.yaml", kLidar);

@@ -305,7 +305,7 @@ def pattern(lidar: Any, first: int, last: int, step: int, seed: int | None, moun
     assert result is None or np.isfinite(result).all()
     logged(lidar.period_warnings, first, last, step)
     assert logged(lidar.fields_of_view)
-    free = logged(lidar.with_free_motors)
+    free = logged(logged(lidar.with_every_hit).with_free_motors)
     logged(free.pattern, first, first + 1, step, seed, mount)
     assert free.name == lidar.name
     assert free.preset == lidar.preset == "datasheet"

@@ -266,11 +266,12 @@ def test_an_own_model_of_returns_decides_what_becomes_a_point() -> None:
         return kept
 
     scene = pi.load_scene("highway", seed=1, set=SHORT)
-    ideal = pi.simulate(scene, "helios_16", [0])
+    ideal = pi.simulate(scene, pi.load_lidar("helios_16").with_every_hit(), [0])
     ours = pi.simulate(scene, "helios_16", [0], returns=near)
     inside = np.hypot(*ideal[0].points[:, :2].T) < 30
     np.testing.assert_array_equal(ours[0].points[:, :3], ideal[0].points[inside, :3])
     assert len(ours[0].fields) == inside.sum()
+    assert len(ideal[0].points) > 1.2 * len(pi.simulate(scene, "helios_16", [0])[0].points)
     counts = ours[0].objects.set_index("id").points
     ids = pd.Series(ours[0].fields["object_id"])
     assert all((ids == number).sum() == count for number, count in counts.items())

@@ -396,9 +396,8 @@ namespace {
 LidarFile keys_of(const LidarConfig& lidar) {
   LidarFile keys{lidar.name, lidar.model, std::nullopt, std::nullopt, std::nullopt, {}};
   const LidarUnit& first = lidar.units.front();
-  const bool alone = lidar.units.size() == 1;
-  if (alone) keys.price_usd = lidar.price_usd;
-  if (alone && first.yaw_deg == 0 && first.pitch_deg == 0) {
+  keys.price_usd = lidar.price_usd;
+  if (lidar.units.size() == 1 && first.yaw_deg == 0 && first.pitch_deg == 0) {
     keys.pattern = first.pattern;
     keys.returns = first.returns;
   } else {
@@ -408,16 +407,20 @@ LidarFile keys_of(const LidarConfig& lidar) {
   return keys;
 }
 
+/// The price of several units is not part of their identity, because earlier files do not have it.
+std::string canonical_of(LidarFile keys) {
+  if (keys.bundle.size() > 1) keys.price_usd.reset();
+  return config::canonical_text(keys);
+}
+
 }  // namespace
 
 std::string dump_lidar(const LidarConfig& lidar) { return config::dump_struct(keys_of(lidar)); }
 
-std::string canonical_lidar(const LidarConfig& lidar) {
-  return config::canonical_text(keys_of(lidar));
-}
+std::string canonical_lidar(const LidarConfig& lidar) { return canonical_of(keys_of(lidar)); }
 
 std::string canonical_lidar(const config::Tree& resolved) {
-  return config::canonical_text(config::read_written<LidarFile>(resolved));
+  return canonical_of(config::read_written<LidarFile>(resolved));
 }
 
 std::string config::list_lidar_keys() { return list_keys<LidarFile>(); }

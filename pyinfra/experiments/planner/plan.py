@@ -15,6 +15,7 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.core.names import path_of
+from pyinfra.core.present import Presented
 from pyinfra.core.progress import show_line
 from pyinfra.core.public import public
 from pyinfra.dataset import simulation
@@ -87,8 +88,8 @@ RAIN_FRAMES = 24
 Tell = Callable[[str], None]
 
 
-@dataclass(frozen=True, eq=False)
-class Plan:
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan(Presented):
     """The result of a plan.
 
     Attributes
@@ -112,6 +113,17 @@ class Plan:
     lidars: tuple[PlanLidar, ...]  # within the budget
     counting: Counting | None = None
     above_budget: dict[str, float] = field(default_factory=dict)  # lowest price of other LiDARs
+
+    def facts(self) -> dict[str, object]:
+        first = self.options[self.options.option == 1]
+        return {
+            "scene": self.site.name,
+            "verdict": self.verdict,
+            "lidars": " + ".join(first.lidar),
+            "price_usd": f"{first.price_usd.iloc[0]:.0f}",
+            "found_percent": f"{first.share.iloc[0]:.0f}",
+            "options": self.options.option.nunique(),
+        }
 
     @property
     def text(self) -> str:

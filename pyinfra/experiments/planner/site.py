@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,20 @@ PATTERN_FRAMES = 200  # frames after which the prisms of the Livox LiDARs repeat
 GOLDEN = (math.sqrt(5) - 1) / 2
 
 
+@dataclass(eq=False)
+class SiteObserver:
+    """The observer of a site, which is built when it is first used, also of a copy."""
+
+    build: Callable[[], simulation.Observer]
+
+    @cached_property
+    def built(self) -> simulation.Observer:
+        return self.build()
+
+    def __getstate__(self) -> dict[str, object]:
+        return {"build": self.build}
+
+
 @dataclass(frozen=True, eq=False)
 class PlanSite:
     """A site under one preset and traffic seed, and its objects in the frames of a plan."""
@@ -46,8 +61,12 @@ class PlanSite:
     frames: tuple[int, ...]  # in the order in which they are observed
     present: pd.DataFrame  # every object in the region: frame, id, type, person, x, y, speed
     centre: FloatArray  # (2,) from which distances of the request are measured, world frame
-    observer: simulation.Observer
+    observed: SiteObserver
     period_s: float = PERIOD_S  # frame period of the LiDARs
+
+    @property
+    def observer(self) -> simulation.Observer:
+        return self.observed.built
 
     @property
     def mount_keys(self) -> dict[str, float]:
@@ -92,11 +111,10 @@ def open_site(
         check_metres(file.parent, np.array([centre_m]), "centre_m")
     count = world.frames_of(period_s)
     order = frame_order(choice_end(keys, count), frames)
-    observer = simulation.load_observer(
-        file, order, preset=preset, seed=seed, mount=mount, period_s=period_s
-    )
+    load = partial(simulation.load_observer, file, order, preset=preset)
+    observed = SiteObserver(partial(load, seed=seed, mount=mount, period_s=period_s))
     roads = tuple(roads_of_world(world, f"{file.name}: roads"))
-    present = present_objects(observer, order)
+    present = present_objects(observed.built, order)
     if present.empty:
         raise Error(
             f"scene: expected traffic in the evaluation region, got none in {len(order)} frames; "
@@ -105,7 +123,7 @@ def open_site(
     centre = np.array(centre_m if centre_m else middle_of(keys, roads, file.parent / NET))
     name = str(keys.get("name", file.stem))
     return PlanSite(
-        file, name, preset, seed, mount, keys, roads, count, order, present, centre, observer,
+        file, name, preset, seed, mount, keys, roads, count, order, present, centre, observed,
         period_s,
     )  # fmt: skip
 
@@ -119,19 +137,13 @@ def other_traffic(
     overrides of keys, as in `simulation.load_scene`.
     """
     frames = site.other_frames(count)
-    observer = simulation.load_observer(
-        site.file,
-        frames,
-        preset=site.preset,
-        seed=site.other_seed,
-        mount=site.mount,
-        set=scene_keys,
-        period_s=site.period_s,
-    )
-    present = present_objects(observer, frames)
+    load = partial(simulation.load_observer, site.file, frames, preset=site.preset)
+    load = partial(load, mount=site.mount, set=scene_keys, period_s=site.period_s)
+    observed = SiteObserver(partial(load, seed=site.other_seed))
+    present = present_objects(observed.built, frames)
     keys = site.keys | dict(scene_keys or {})
     return replace(
-        site, seed=site.other_seed, keys=keys, frames=frames, present=present, observer=observer
+        site, seed=site.other_seed, keys=keys, frames=frames, present=present, observed=observed
     )
 
 

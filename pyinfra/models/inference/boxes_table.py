@@ -19,6 +19,7 @@ from pyinfra.core.arrays import Points
 from pyinfra.core.errors import Error
 from pyinfra.core.files import write as write_bytes
 from pyinfra.core.names import StrPath, path_of, suggestion
+from pyinfra.core.present import Presented
 from pyinfra.core.progress import track
 from pyinfra.core.public import CALLER, public
 from pyinfra.dataset.frame_sequence import FrameSequence
@@ -44,8 +45,8 @@ COLUMNS = ["frame", "type", *BOX, "score"]
 AnyRegion: TypeAlias = "npt.ArrayLike | str | os.PathLike[str]"
 
 
-@dataclass(frozen=True)
-class TrainedDetector:
+@dataclass(frozen=True, repr=False)
+class TrainedDetector(Presented):
     """A trained detector's file. `detect` loads it and adapts it to the site of the frames.
 
     Attributes
@@ -58,6 +59,9 @@ class TrainedDetector:
     file: Path
     device: str = "cpu"
     threads: int = 1
+
+    def facts(self) -> dict[str, object]:
+        return {"file": self.file.name, "device": self.device, "threads": self.threads}
 
     def __call__(self, points: AnyFrames, **options: Any) -> Detections:
         """Returns the boxes in one cloud or several; `options` are those of `detect`."""

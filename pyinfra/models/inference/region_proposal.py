@@ -26,6 +26,7 @@ from scipy.ndimage import binary_fill_holes, distance_transform_edt, gaussian_fi
 from pyinfra.core.arrays import BoolArray, FloatArray, Points
 from pyinfra.core.errors import Error
 from pyinfra.core.files import check_output, write
+from pyinfra.core.present import Presented
 from pyinfra.core.progress import track
 from pyinfra.dataset.frames import frame_numbers, period_of
 from pyinfra.dataset.ground import Ground, ground_of
@@ -64,8 +65,8 @@ MARGIN_M = 1.0  # added around the closed area
 MOST_CORNERS = 20
 
 
-@dataclass(frozen=True, eq=False)
-class Proposal:
+@dataclass(frozen=True, eq=False, repr=False)
+class Proposal(Presented):
     """A proposed outline, and how well it fits the recording."""
 
     drawn: Drawn  # the area, levelled LiDAR frame, metres
@@ -88,6 +89,10 @@ class Proposal:
             inside = [h for h in self.drawn.holes if in_outline(outline, h[:1], 0)[0]]
             polygons.append([ring.tolist() for ring in (outline, *inside)])
         return {"type": "MultiPolygon", "coordinates": polygons}
+
+    def facts(self) -> dict[str, object]:
+        shares = {"inside_share": f"{self.inside_share:.2f}"}
+        return {"corners": len(self.corners), "area_m2": f"{self.area_m2:.0f}"} | shares
 
 
 def propose_of_folder(lidar_folder: Path) -> Proposal:

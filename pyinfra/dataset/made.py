@@ -1,0 +1,81 @@
+"""How worlds and LiDARs of the compiled core are copied, pickled and shown.
+
+They are kept as the call that makes them, with the files that this process wrote for it.
+"""
+
+from __future__ import annotations
+
+import copyreg
+from collections.abc import Callable
+from functools import partial, wraps
+from pathlib import Path
+from typing import Any, TypeVar
+from weakref import WeakKeyDictionary
+
+import yaml
+
+from pyinfra._core import Lidar, World
+from pyinfra.core.errors import Error
+from pyinfra.core.present import html_table, short_text
+from pyinfra.dataset.own_files import named_in, put
+
+Made = TypeVar("Made", World, Lidar)
+_RECIPES: WeakKeyDictionary[Any, Callable[[], Any]] = WeakKeyDictionary()
+
+
+def remembered(made: Made, recipe: Callable[[], Made]) -> Made:
+    """Keeps the function that makes an object again, in this or in another process."""
+    _RECIPES[made] = recipe
+    return made
+
+
+def recipe_of(made: World | Lidar) -> Any:
+    """Returns the call that made an object. Raises Error for one that was made otherwise."""
+    if made not in _RECIPES:
+        name = type(made).__name__
+        raise Error(f"{name}: expected a result of load_scene or load_lidar, got another object")
+    return _RECIPES[made]
+
+
+def _reduced(made: World | Lidar) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+    recipe = recipe_of(made)
+    return _again, (recipe, named_in(repr(recipe)))
+
+
+def _again(recipe: Callable[[], Any], files: dict[Path, bytes]) -> Any:
+    put(files)
+    return remembered(recipe(), recipe)
+
+
+def _changed(recipe: Callable[[], Lidar], name: str, args: tuple[object, ...]) -> Lidar:
+    lidar: Lidar = getattr(recipe(), name)(*args)
+    return lidar
+
+
+def _with_recipe(name: str) -> Callable[..., Lidar]:
+    """Returns a method of Lidar whose result remembers how it was made, if the LiDAR does."""
+    method = getattr(Lidar, name)
+
+    @wraps(method)
+    def call(self: Lidar, *args: Any, **named: Any) -> Lidar:
+        made: Lidar = method(self, *args, **named)
+        if self not in _RECIPES:
+            return made
+        return remembered(made, partial(_changed, _RECIPES[self], name, (*args, *named.values())))
+
+    return call
+
+
+def _facts(made: World | Lidar) -> dict[str, object]:
+    if isinstance(made, Lidar):
+        return {"name": made.name, "preset": made.preset, "period_s": made.period_s}
+    first, _, _ = made.dump().partition("\n")  # parsing the whole text would take long
+    return {"name": yaml.safe_load(first)["name"], "frames": made.frames}
+
+
+for _name in ("with_echo", "with_every_hit", "with_free_motors", "with_law_exponent", "with_rate"):
+    setattr(Lidar, _name, _with_recipe(_name))
+for _kind in (World, Lidar):
+    copyreg.pickle(_kind, _reduced)
+    _kind.__repr__ = lambda made: short_text(made, _facts(made))  # type: ignore[assignment,misc]
+    _kind._repr_html_ = lambda made: html_table(made, _facts(made))  # type: ignore[union-attr]
