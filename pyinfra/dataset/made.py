@@ -75,7 +75,18 @@ def _facts(made: World | Lidar) -> dict[str, object]:
 
 for _name in ("with_echo", "with_every_hit", "with_free_motors", "with_law_exponent", "with_rate"):
     setattr(Lidar, _name, _with_recipe(_name))
+
+
+def _line(made: World | Lidar) -> str:
+    return short_text(made, _facts(made))
+
+
+def _table(made: World | Lidar) -> str:
+    return html_table(made, _facts(made))
+
+
+_kind: Any
 for _kind in (World, Lidar):
     copyreg.pickle(_kind, _reduced)
-    _kind.__repr__ = lambda made: short_text(made, _facts(made))  # type: ignore[assignment,misc]
-    _kind._repr_html_ = lambda made: html_table(made, _facts(made))  # type: ignore[union-attr]
+    _kind.__repr__ = _line
+    _kind._repr_html_ = _table

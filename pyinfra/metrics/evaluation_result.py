@@ -138,7 +138,7 @@ class Evaluation(Presented):
             raise Error("result: expected a result of evaluate, got tables without predictions")
         first, metric = next(iter(self.settings.classes)), self.settings.metrics[0]
         one = match_input(self.truth, self.predictions, first, self.settings, metric)
-        return dict(primary_results(one, self.settings))
+        return {str(k): result for k, result in primary_results(one, self.settings).items()}
 
     def tables(self) -> dict[str, pd.DataFrame]:
         names = "ap pr_curve distance_ap areas errors false_positives replicates off_region".split()

@@ -310,6 +310,7 @@ CALLS: dict[str, tuple[Call, str]] = {
         lambda g: pi.export(g.frames, "opnpcdet", g.folder / "e"),
         "format: .*did you mean",
     ),
+    "export_tracks: file": (lambda g: pi.export_tracks(g.table, "a.xyz"), "file: expected .csv"),
     "export: frames": (lambda g: pi.export(3, "pcd", g.folder / "e"), "frames: "),
     "export: out": (lambda g: pi.export(g.frames, "pcd", g.folder), "out: "),
 }

@@ -24,6 +24,7 @@ import yaml
 import pyinfra as pi
 from pyinfra.dataset.frame_sequence import FrameSequence
 from pyinfra.dataset.lidars import catalogue_files, presets_of
+from pyinfra.dataset.outlines import Drawn
 from pyinfra.models.inference.region_proposal import Proposal
 
 SHORT = {"duration_s": 2, "traffic.warm_up_s": 5}
@@ -71,7 +72,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "TrackSettings": lambda: pi.TrackSettings(),
     "Counts": lambda: pi.count(given().tracks(), given().frames),
     "TrackEvaluation": lambda: pi.evaluate_tracks(given().frames, given().tracks()),
-    "Proposal": lambda: Proposal(np.zeros((4, 2)), 12.3, 4, 0.5, 0.25),
+    "Proposal": lambda: Proposal(Drawn((np.eye(3, 2),)), 12.3, 40, 4, 0.5, 0.25),
 }
 SETTINGS = {"Settings", "PoseGrid", "TrackSettings"}  # arguments, of which no table is shown
 COPIES: dict[str, Callable[[Any], Any]] = {
