@@ -1,5 +1,6 @@
 """Damaged recordings are read, or refused with an error that a user can act on."""
 
+import json
 import random
 import time
 from collections.abc import Callable
@@ -8,8 +9,10 @@ from pathlib import Path
 import pytest
 from recording_files import road, write_bag, write_packets
 from test_beam_tables import HESAI, ouster, velodyne, veloview
+from test_city_json import city
 from test_cloud_files import write_csv, write_las, write_ply
 from test_label_files import FRAMES, PLAIN, label_cloud, label_cloud_corners, one_csv, sustech
+from test_lanelet2 import lanelets
 
 from pyinfra.core.errors import Error
 from pyinfra.exchange.beam_tables import read_beam_table
@@ -18,6 +21,8 @@ from pyinfra.exchange.guess import guess_format
 from pyinfra.exchange.recording import Options
 from pyinfra.exchange.tool_labels import has_degrees, read_label_cloud, read_sustech
 from pyinfra.formats.box_csv import read_box_csv
+from pyinfra.scenes.maps.city_json import read_city_json
+from pyinfra.scenes.maps.lanelet2_map import read_lanelets
 
 FEW, MANY = 12, 2000
 SLOWEST_S = 20.0
@@ -70,6 +75,8 @@ SEEDS: dict[str, Make] = {
     "corners": labels(label_cloud_corners, "labels/000004.json"),
     "SUSTechPOINTS": labels(sustech, "label/000004.json"),
     "boxes": labels(one_csv(PLAIN, FRAMES, {}), "boxes.csv"),
+    "Lanelet2": lambda folder: lanelets(folder / "a.osm", local=True),
+    "CityJSON": text("a.json", json.dumps(city())),
 }
 READERS: dict[str, Callable[[Path], object]] = {
     **dict.fromkeys(("ouster", "velodyne", "veloview", "hesai"), read_beam_table),
@@ -77,6 +84,8 @@ READERS: dict[str, Callable[[Path], object]] = {
     "corners": lambda file: read_label_cloud(file, degrees=False),
     "SUSTechPOINTS": lambda file: read_sustech(file, {}),
     "boxes": read_box_csv,
+    "Lanelet2": lambda file: read_lanelets(file, None),
+    "CityJSON": read_city_json,
 }
 
 
