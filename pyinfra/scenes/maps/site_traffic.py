@@ -14,7 +14,7 @@ from pyinfra.core.files import write
 from pyinfra.formats.yaml_file import read_keys
 from pyinfra.scenes.maps import site_folder
 from pyinfra.scenes.maps.lane_comparison import AGAINST
-from pyinfra.scenes.maps.site_folder import MAP, NET
+from pyinfra.scenes.maps.site_folder import MAP, NET, SCENE
 from pyinfra.scenes.maps.tracks import Track, lasts_s
 from pyinfra.scenes.maps.traffic import simulate
 from pyinfra.scenes.maps.traffic_demand import Demand
@@ -93,7 +93,7 @@ def write_traffic(site: Path, demand: Demand, seconds: float, seed: int) -> list
     if SUMO is not installed, and OSError.
     """
     _check_directions(site)
-    if not (site / NET).is_file():
+    if (site / SCENE).is_file() and not (site / NET).is_file():
         raise Error(
             f"{site}: expected {NET}, got none: a Lanelet2 map has no network for SUMO. Use "
             "recorded trajectories, or convert the map to OpenDRIVE, for example with the "
