@@ -22,7 +22,7 @@ from pyinfra.dataset.loading import one_lidar
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.exchange import track_files
 from pyinfra.formats.csv_table import read_words
-from pyinfra.tracking.table_file import write_tracks
+from pyinfra.tracking.table_file import TRACK_COLUMNS, write_tracks
 
 if TYPE_CHECKING:
     from pyinfra.exchange.imported import ImportedFrames
@@ -281,7 +281,7 @@ def export_tracks(tracks: pd.DataFrame, file: StrPath, *, lidar: str = "lidar") 
 
     Raises
     ------
-    Error : for another ending
+    Error : for another ending, or a table without a column of `track`
     ImportError : if the packages of the extra `exchange` are missing, for .mcap
 
     Examples
@@ -297,6 +297,8 @@ def export_tracks(tracks: pd.DataFrame, file: StrPath, *, lidar: str = "lidar") 
     path = path_of(file, "file")
     if path.suffix not in TRACK_FILES:
         raise Error(f"file: expected {', '.join(TRACK_FILES)}, got '{path}'")
+    if missing := [name for name in TRACK_COLUMNS if name not in tracks]:
+        raise Error(f"tracks: expected the columns of `track`, got no {missing[0]}")
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix == ".csv":
         write_tracks(path, tracks)

@@ -310,6 +310,10 @@ CALLS: dict[str, tuple[Call, str]] = {
         lambda g: pi.export(g.frames, "opnpcdet", g.folder / "e"),
         "format: .*did you mean",
     ),
+    "export_tracks: tracks": (
+        lambda g: pi.export_tracks(g.table, "a.jsonl"),
+        "tracks: expected the columns of `track`, got no t_s",
+    ),
     "export_tracks: file": (lambda g: pi.export_tracks(g.table, "a.xyz"), "file: expected .csv"),
     "export: frames": (lambda g: pi.export(3, "pcd", g.folder / "e"), "frames: "),
     "export: out": (lambda g: pi.export(g.frames, "pcd", g.folder), "out: "),

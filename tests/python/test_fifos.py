@@ -22,6 +22,7 @@ from pyinfra.core.files import regular_files_only
 LONGEST_S = 200  # the machine may be busy
 # Parts of file names for functions that look at them.
 SUFFIXES = {
+    "export_tracks: file": ".jsonl",
     "import_map: file": ".xodr",
     "import_mesh: file": ".ply",
     "import_trajectories: file": ".csv",
@@ -85,6 +86,10 @@ class Inputs:
             "evaluate": {"gt": data, "pred": found},
             "evaluate_tracks": {"frames": self.frames, "tracks": self.table},
             "export": {"frames": self.frames, "format": "pcd", "out": out},
+            "export_tracks": {
+                "tracks": pi.track(self.table, self.frames),
+                "file": out / "tracks.csv",
+            },
             "export_onnx": {"model": "generalist", "out": out / "m.onnx"},
             "import_map": {"file": data, "out": out},
             "import_mesh": {"file": data, "site": self.site},
