@@ -96,7 +96,7 @@ TOYS = {
     "speed.csv": "benchmarks/run.py --repetitions 1",
     "evaluation.csv": "benchmarks/evaluate_speed.py --frames 2",
     "ops.csv": "benchmarks/ops.py --repetitions 1",
-    "growth.csv": "benchmarks/growth.py --only lanes",
+    "growth.csv": "benchmarks/growth.py --only vehicles",
     "scanning_claims.csv": "scanning --seeds 1 --frames 0:70:7",
     "claims.csv": "verdicts {experiments.csv}",
     "variance.csv": "variance {experiments.csv}",
