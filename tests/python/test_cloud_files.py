@@ -147,7 +147,7 @@ def test_packets_of_other_makers_name_a_converter(
         ("a.pcapng", b"\x0a\x0d\x0d\x0a" + bytes(40), "editcap -F pcap"),
         ("a.zip", b"PK\x03\x04" + bytes(40), "unpack the archive"),
         ("a.npy", b"\x93NUMPY" + bytes(40), "tofile"),
-        ("a.bag.gz", gzip.compress(b"#ROSBAG V2.0"), "got gzip.*unpack"),
+        ("a.bag.gz", gzip.compress(b"#ROSBAG V2.0", mtime=0), "got gzip.*unpack"),
         ("a.pkl", b"\x80\x04\x95" + bytes(40), "pickles are not read"),
         ("a.h5", b"\x89HDF\r\n\x1a\n", "HDF5"),
         ("a.rrd", b"RRF2" + bytes(40), "unknown format, a.rrd"),
