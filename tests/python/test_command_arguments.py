@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import inspect
 import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from pyinfra.formats.ply import Triangles, write_ply
 
 OF_PARSER = {"command", "run", "options", "step", "traceback", "completion"}
 OF_PARSER.add("boxes_of")  # with it, `import` calls Detections.from_csv
-CASES = {
+CASES: dict[str, tuple[list[str], Callable[..., Any]]] = {
     "import": (["import", "a", "--out", "b/c"], pi.import_recording),
     "site import": (["site", "import", "a", "--out", "b"], pi.import_map),
     "site mesh": (["site", "mesh", "a.ply", "--out", "b"], pi.import_mesh),
@@ -44,7 +46,12 @@ def test_import_prints_what_the_function_returns(
     scene = pi.load_scene("highway", set={"duration_s": 2, "traffic.warm_up_s": 5})
     source = pi.export(pi.simulate(scene, "helios_16", [0, 5]), "pcd", tmp_path / "recording")
     shutil.rmtree(source / "labels")
-    given = {"price_usd": (10.0, 20.0), "scene": "here", "model": "mine", "upright": "as-is"}
+    given: dict[str, Any] = {
+        "price_usd": (10.0, 20.0),
+        "scene": "here",
+        "model": "mine",
+        "upright": "as-is",
+    }
     with pytest.warns(pi.FindingWarning, match="no labels"):
         imported = pi.import_recording(source, None, tmp_path / "python/pole", **given)
     words = "--price-usd 10 20 --scene-name here --lidar-model mine --upright as-is".split()
@@ -58,8 +65,9 @@ def test_import_prints_what_the_function_returns(
         if (tmp_path / "python" / file).is_file():
             one, other = (tmp_path / name / file for name in ("python", "command"))
             assert one.read_bytes() == other.read_bytes(), file
-    assert imported.lidar is not None
-    assert imported.lidar.price_usd == (10, 20)
+    text = (imported.folder / "lidar.yaml").read_text()
+    assert "mine" in text
+    assert "low: 10" in text
     assert repr(imported).startswith("ImportedFrames(lidar=pole, frames=2")
 
 

@@ -41,8 +41,8 @@ SUFFIXES = {
 
 LISTS = {"plan: lidars", "report: data", "report: runs"}
 # Words in annotations of arguments that can be paths.
-PATHS = ("StrPath", "PathLike", "AnyData", "AnyPredictions", "AnyFrames", "AnyScene")
-PATHS += ("AnyRegion", "AnyLines", "AnyLidar")
+PATHS = ["StrPath", "PathLike", "AnyData", "AnyPredictions", "AnyFrames", "AnyScene"]
+PATHS += ["AnyRegion", "AnyLines", "AnyLidar"]
 
 
 @pytest.fixture(autouse=True)
@@ -78,7 +78,7 @@ class Inputs:
     def arguments(self, function: str) -> dict[str, Any]:
         """Returns the arguments of a function."""
         data, found, out = self.lidar, self.found, self.folder / "out"
-        return {
+        every: dict[str, dict[str, Any]] = {
             "benchmark": {"config": "demo", "out": out, "work": out},
             "count": {"tracks": self.table, "site": self.frames},
             "detect": {"model": lambda points: [], "frames": self.frames, "region": None},
@@ -116,7 +116,8 @@ class Inputs:
             "trust": {"data": data, "predictions": found},
             "validate": {"data": data, "predictions": found},
             "view": {"data": data, "out": out / "v.html"},
-        }[function]
+        }
+        return every[function]
 
 
 def path_parameters() -> list[str]:
