@@ -64,7 +64,7 @@ class Attack:
         message = done.stderr.decode(errors="replace")
         if done.returncode not in (0, 1, 2) or "internal error" in message:
             self.fault(kind, words, f"exit code {done.returncode}: {message[-300:]}")
-        elif done.returncode and not message.strip():
+        elif done.returncode and not (done.stdout + done.stderr).strip():  # validate: on stdout
             self.fault(kind, words, "no message")
         return done.returncode
 
