@@ -26,6 +26,7 @@ OTHERS = {
     "debian13.csv": "make debian13",
     "deskew.csv": "a program of version 0.3",
     "detector_pilots.csv": "python -m reproduction pilots, then detector_goals",
+    "follow.csv": "python -m reproduction follow, which takes an hour",
     "frame_numbers.csv": "python -m reproduction frame_numbers, with an earlier checkout",
     "generalist_sites.csv": "make generalist",
     "gpu.csv": "python -m reproduction gpu, with a GPU",

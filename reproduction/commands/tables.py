@@ -118,6 +118,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "tracked passages": tracks.passages,
     "tracks of true boxes": tracks.true_boxes,
     "times of tracking": tracks.times,
+    "live tracking": tracks.follow,
     "GPU rates": gpu.rates,
     "GPU latency": gpu.detection,
     "GPU batches": gpu.batches,

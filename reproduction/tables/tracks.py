@@ -94,3 +94,22 @@ def times() -> str:
     ]
     heads = ["scene", "LiDAR", "tracks per frame", "detector, ms", "tracker and smoother, ms"]
     return markdown(heads, rows)
+
+
+def follow() -> str:
+    """Returns a table of delays and memory of live tracking, a row per ten minutes."""
+    rows = [
+        [
+            f"{row.minute:.0f}",
+            f"{row.clouds:,}",
+            f"{row.lines:,}",
+            f"{row.delay_p50_ms:.0f}",
+            f"{row.delay_p95_ms:.0f}",
+            f"{row.delay_max_ms:.0f}",
+            f"{row.memory_mb:.0f}",
+            f"{row.load:.0f}",
+        ]
+        for row in results("follow").itertuples()
+    ]
+    heads = ["minute", "clouds", "lines", "delay, ms (median)", "95 %", "longest", "memory, MB"]
+    return markdown([*heads, "load"], rows)
