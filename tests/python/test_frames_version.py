@@ -150,7 +150,8 @@ def test_each_page_of_results_names_the_frames_below_each_table() -> None:
     results.remove(ROOT / "docs/results/measured.md")  # it lists commands and costs
     assert len(results) > 10
     for page in (ROOT / "README.md", ROOT / "docs/generalist.md", *results):
-        blocks = [match[3] for match in pages.BLOCK.finditer(page.read_text())]
+        found = pages.BLOCK.finditer(page.read_text())
+        blocks = [match[4] for match in found if match[2] == "table"]
         assert blocks, page
         for block in blocks:
             assert re.search(r"easured on frames \d+ \(version \d+\.\d+\)\.", block), page
