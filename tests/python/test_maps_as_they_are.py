@@ -17,6 +17,7 @@ from pyinfra.scenes.maps.map_import import import_map
 from pyinfra.scenes.maps.map_readers import ImportOptions
 from pyinfra.scenes.maps.netconvert import netconvert
 from pyinfra.scenes.maps.network import read_network
+from pyinfra.scenes.maps.opendrive import read_opendrive
 from pyinfra.scenes.maps.osm_buildings import Passage, building_bodies, is_underground
 from pyinfra.scenes.maps.recorded_boxes import BoxColumns, read_boxes
 from pyinfra.scenes.maps.site_traffic import write_traffic
@@ -226,3 +227,20 @@ def test_sumo_writes_tables_with_semicolons(tmp_path: Path) -> None:
     assert fcd.is_fcd_csv(file)
     (track,) = import_fcd(fcd.read_fcd(file), {}, np.zeros(3)).tracks
     assert track.states[-1, 0] - track.states[0, 0] == pytest.approx(40, abs=0.5)
+
+
+def test_a_section_of_one_side_does_not_end_the_lanes_of_the_other(tmp_path: Path) -> None:
+    text = xodr(tmp_path / "a.xodr").read_text()
+    right = f"<right>{LANE.format(-1)}{LANE.format(-2)}</right>"
+    section = f'<laneSection s="100" singleSide="true">{right}</laneSection></lanes>'
+    file = tmp_path / "b.xodr"
+    file.write_text(text.replace("</lanes>", section))
+    lanes = {lane.name: lane for lane in read_opendrive(file).lanes}
+    lengths = {
+        name: round(float(np.hypot(*np.diff(lane.left[:, :2], axis=0).T).sum()))
+        for name, lane in lanes.items()
+    }
+    assert sorted(lengths.values()) == [100, 200, 200, 300]
+    assert lengths[next(name for name in lanes if "left1" in name)] == 300
+    borders = [float(lane.left[0, 1] - lane.right[0, 1]) for lane in lanes.values()]
+    np.testing.assert_allclose(np.abs(borders), 3.5)

@@ -89,10 +89,13 @@ def _read_road(node: Element, site_map: SiteMap) -> None:
     if any(b < a for a, b in itertools.pairwise(starts)):
         raise MapError(f"road {road.id}: laneSection: expected ascending s")
     pieces: dict[tuple[int, int], Piece] = {}
-    for i, (section, start) in enumerate(zip(sections, starts, strict=True)):
-        end = starts[i + 1] if i + 1 < len(starts) else road.line.length
-        if end - start > 1e-3:
-            pieces.update({(i, p.id): p for p in _section(road, section, start, end)})
+    for side, sign in (("left", 1), ("right", -1)):
+        some = [(at, one) for at, one in zip(starts, sections, strict=True) if _holds(one, side)]
+        ends = [at for at, _ in some[1:]] + [road.line.length]
+        for i, ((start, section), end) in enumerate(zip(some, ends, strict=True)):
+            if end - start > 1e-3:
+                lanes = section.findall(f"{side}/lane")
+                pieces |= {(i, p.id): p for p in _pieces(road, lanes, sign, start, end)}
     left_hand = node.get("rule") == "LHT"
     site_map.lanes += [
         lane for lane in _joined(road, pieces, left_hand, site_map) if lane is not None
@@ -135,34 +138,41 @@ class Piece:
     successor: int | None
 
 
-def _section(road: OpenDriveRoad, section: Element, start: float, end: float) -> list[Piece]:
+def _holds(section: Element, side: str) -> bool:
+    """Returns whether a lane section is valid for a side of the road."""
+    return section.get("singleSide") not in ("true", "1") or section.find(side) is not None
+
+
+def _pieces(
+    road: OpenDriveRoad, nodes: list[Element], sign: int, start: float, end: float
+) -> list[Piece]:
+    """Returns the lanes of a side in a lane section. sign: of the lanes' ids."""
     pieces = []
-    for side, sign in (("left", 1), ("right", -1)):
-        lanes = sorted(section.findall(f"{side}/lane"), key=lambda n: abs(_lane_id(road, n)))
-        widths = [read_cubics(lane.findall("width"), "sOffset", start) for lane in lanes]
-        borders = [read_cubics(lane.findall("border"), "sOffset", start) for lane in lanes]
-        s = _samples(road, [*widths, *borders], start, end)
-        t = inner = road.offset.at(s)
-        for lane, width, border in zip(lanes, widths, borders, strict=True):
-            across = width.at(s)
-            if across.min() < -1e-3:
-                at = s[int(across.argmin())]
-                raise MapError(
-                    f"road {road.id}: lane {lane.get('id')}: width: expected 0 or more, got "
-                    f"{across.min():.3g} m at s = {at:.1f}"
-                )
-            t = border.at(s) if len(border.starts) else inner + sign * across.clip(0)
-            pieces.append(
-                Piece(
-                    _lane_id(road, lane),
-                    lane.get("type") or "none",
-                    _kerb(lane),
-                    road.positions(s, inner),
-                    road.positions(s, t),
-                    _successor(lane),
-                )
+    lanes = sorted(nodes, key=lambda n: abs(_lane_id(road, n)))
+    widths = [read_cubics(lane.findall("width"), "sOffset", start) for lane in lanes]
+    borders = [read_cubics(lane.findall("border"), "sOffset", start) for lane in lanes]
+    s = _samples(road, [*widths, *borders], start, end)
+    t = inner = road.offset.at(s)
+    for lane, width, border in zip(lanes, widths, borders, strict=True):
+        across = width.at(s)
+        if across.min() < -1e-3:
+            at = s[int(across.argmin())]
+            raise MapError(
+                f"road {road.id}: lane {lane.get('id')}: width: expected 0 or more, got "
+                f"{across.min():.3g} m at s = {at:.1f}"
             )
-            inner = t
+        t = border.at(s) if len(border.starts) else inner + sign * across.clip(0)
+        pieces.append(
+            Piece(
+                _lane_id(road, lane),
+                lane.get("type") or "none",
+                _kerb(lane),
+                road.positions(s, inner),
+                road.positions(s, t),
+                _successor(lane),
+            )
+        )
+        inner = t
     return pieces
 
 
