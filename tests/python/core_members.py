@@ -5,7 +5,11 @@ from typing import Any
 
 from pyinfra import _core
 
-OF_EVERY_CLASS = {"__doc__", "__module__", "__weakref__", "_pybind11_conduit_v1_"}
+# What every class has, and what the package adds in Python.
+LEFT_OUT = {
+    *("__doc__", "__module__", "__weakref__", "_pybind11_conduit_v1_"),
+    *("__repr__", "_repr_html_"),
+}
 
 
 def classes() -> dict[str, type]:
@@ -30,7 +34,7 @@ def members() -> set[str]:
     of_classes = {
         f"{name}.{member}"
         for name, kind in classes().items()
-        for member in vars(kind).keys() - OF_EVERY_CLASS
+        for member in vars(kind).keys() - LEFT_OUT
     }
     return of_classes | functions().keys()
 
@@ -51,7 +55,7 @@ def record_calls() -> set[str]:
     for name, function in functions().items():
         setattr(_core, name, recorded(name, function))
     for class_name, kind in classes().items():
-        for name in vars(kind).keys() - OF_EVERY_CLASS:
+        for name in vars(kind).keys() - LEFT_OUT:
             value: Any = vars(kind)[name]
             full = f"{class_name}.{name}"
             if isinstance(value, property):

@@ -33,6 +33,7 @@ def table(replicates: int = 400) -> pd.DataFrame:
                         "subset": "captured",
                         "cut_angle_deg": 0,
                         "training_cut_angle_deg": 0,
+                        "law_exponent": 0.25,
                     },
                     **{"replicate": r, "seed": seed, "ap_r1000": ap, "ap_r1000_frames_sd": FRAMES},
                 }

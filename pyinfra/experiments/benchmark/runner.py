@@ -46,10 +46,10 @@ def benchmark(
     Raises SimulatorError if a data set cannot be made, and ConfigError if the tables were made from
     other inputs.
     """
-    for folder in (workspace.work, workspace.results):
-        folder.mkdir(parents=True, exist_ok=True)  # an impossible folder is found before the work
     inputs.resolved.cache_clear()
     inputs.check_names(plan)
+    for folder in (workspace.work, workspace.results):
+        folder.mkdir(parents=True, exist_ok=True)  # an impossible folder is found before the work
     digests = inputs.digests(plan)
     inputs.check_frames(workspace.table("hits"), digests)
     check_experiments(workspace.table("experiments"), plan, progress)
