@@ -154,6 +154,7 @@ TEXTS: dict[str, Callable[[], str]] = {
     "placement": sentences_of_models.placement,
     "models of a LiDAR": sentences_of_models.lidar_models,
     "tracks": sentences_of_models.tracks,
+    "live tracking": sentences_of_models.follow,
     "people": sentences_of_models.people,
     "unseen": sentences_of_models.unseen,
 }

@@ -195,6 +195,7 @@ def test_a_fifo_in_a_folder_is_not_opened(reader: str, inputs: Inputs, tmp_path:
         os.mkfifo(copy / name)
         with suppress(pi.Error, FileNotFoundError):
             READERS[reader](copy / inputs.lidar.relative_to(inputs.folder), copy / "found")
+        assert (copy / name).is_fifo()  # and no file in its place
 
 
 def test_a_detector_may_use_a_fifo(inputs: Inputs, tmp_path: Path) -> None:

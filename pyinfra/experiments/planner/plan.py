@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.core.names import path_of
 from pyinfra.core.present import Presented
@@ -239,9 +238,7 @@ def plan(
     )
     folder = None if out is None else path_of(out, "out")
     law = read_detectability(detector)
-    check_settings(law, request, centre_m, seed, check_frames, jobs)
-    if count is not None and not 0 < count <= 1:
-        raise Error(f"count: expected above 0 to 1, got {count:g}")
+    check_settings(law, request, centre_m, seed, check_frames, count, jobs)
     grid = checked_grid(grid or PoseGrid())
     table_of_costs = read_costs(None if costs is None else path_of(costs, "costs"), years, law)
     period_s = common_period_s(lidars, preset)

@@ -25,6 +25,7 @@ def check_settings(
     centre_m: Sequence[float] | None,
     seed: int | None,
     check_frames: int,
+    count: float | None,
     jobs: int,
 ) -> None:
     """Checks what needs no site."""
@@ -37,6 +38,8 @@ def check_settings(
             raise Error(f"{name}: expected a whole number, {low} to {high}, got {value}")
     if jobs == 0:
         raise Error("jobs: expected 1 or more, or -1 for all cores, got 0")
+    if count is not None and not 0 < count <= 1:
+        raise Error(f"count: expected above 0 to 1, got {count:g}")
     if centre_m is not None and not (len(centre_m) == 2 and np.isfinite(centre_m).all()):
         raise Error(f"centre_m: expected x and y in metres, got {centre_m}")
     if request.people > 0 and law.people is None:
