@@ -4,7 +4,8 @@ A step is one command, or several, and makes one or more files. A command may be
 which are independent. The key of a part is a digest of its words, of the number of the simulator's
 frames, of `VERSION` in the command's own file, of the pretrained detector if the command uses it,
 and of the files that the command reads. A file is up to date if `steps.csv` has the keys of all its
-parts. The rows of a finished part stay in the working folder, so that a stopped run resumes.
+parts. The rows of a finished part stay in the working folder, so that a stopped run resumes. Until
+the file is complete, results/parts/ has a copy of them, to be committed.
 
 The parts run through joblib: in local processes, or in a Dask or Ray cluster with a common disk.
 """
@@ -18,10 +19,12 @@ import itertools
 import json
 import os
 import shlex
+import shutil
 import subprocess
 import sys
 import time
 from collections.abc import Container, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from graphlib import TopologicalSorter
@@ -102,13 +105,15 @@ class Places:
 class Part:
     """A command that runs alone; the rows of its files are in `folder`.
 
-    words: all words of the command but --work and --out; arguments: the command line
+    words: all words of the command but --work and --out; kept: folder of results/ for a copy of the
+    rows until the file is complete; arguments: the command line
     """
 
     words: str
     key: str
     cpu_h: float
     folder: Path
+    kept: Path
     arguments: tuple[str, ...]
     alone: bool
 
@@ -177,11 +182,14 @@ def parts_of(step: Step, steps: Sequence[Step], places: Places) -> list[Part]:
         choices = list(zip(typed(command), _choices(command), strict=True))
         for told, choice in choices:
             key = digest(told, frames_version(), version_of(name), model, inputs)
-            folder = places.work / "parts" / step.name / key
+            folder, kept = (
+                top / "parts" / step.name / key for top in (places.work, places.results)
+            )
             more = ["--work", str(_work(command, places))] if command.work else []
             more += ["--out", str(folder / command.out)]
             line = (*program, *given, *choice, *more)
-            parts.append(Part(told, key, command.cpu_h / len(choices), folder, line, command.alone))
+            cpu_h = command.cpu_h / len(choices)
+            parts.append(Part(told, key, cpu_h, folder, kept, line, command.alone))
     return parts
 
 
@@ -228,8 +236,22 @@ def run_part(part: Part) -> None:
             wall_s = round(time.monotonic() - started, 1)
             taken = {"cpu_s": cpu_s, "wall_s": wall_s, "version": __version__, "machine": machine()}
             write(part.done, json.dumps(taken))
+            copy_rows(part.folder, part.kept)
     finally:
         os.close(lock)
+
+
+def copy_rows(source: Path, target: Path) -> None:
+    """Copies the files of a finished part. The file that says that it is finished comes last."""
+    target.mkdir(parents=True, exist_ok=True)
+    for file in [*source.glob("*.csv"), source / "done.json"]:
+        write(target / file.name, file.read_bytes())
+
+
+def restore(part: Part) -> None:
+    """Takes the rows of a part out of results/, if the working folder does not have them."""
+    if not part.done.is_file() and (part.kept / part.done.name).is_file():
+        copy_rows(part.kept, part.folder)
 
 
 def recorded(places: Places) -> pd.DataFrame:
@@ -261,6 +283,10 @@ def assemble(step: Step, parts: Sequence[Part], places: Places) -> None:
     others = record[record.step != step.name]
     table = pd.concat([others, rows[list(record)]] if len(others) else [rows[list(record)]])
     write(places.results / RECORD, table.sort_values("step", kind="stable").to_csv(index=False))
+    if (kept := parts[0].kept.parent).is_dir():
+        shutil.rmtree(kept)
+        with suppress(OSError):  # other steps are incomplete
+            kept.parent.rmdir()
 
 
 def levels(steps: Sequence[Step], wanted: Sequence[str]) -> Iterator[list[Step]]:
@@ -298,6 +324,8 @@ def run(
         parts = {step: parts_of(step, steps, places) for step in level}
         stale = [step for step in level if not is_current(step, parts[step], places)]
         stale = [step for step in stale if not _lacks_input(step, steps, places)]
+        for part in itertools.chain.from_iterable(parts[step] for step in stale):
+            restore(part)
         left = [part for step in stale for part in parts[step] if not part.done.is_file()]
         together = [part for part in left if not part.alone]
         if together:

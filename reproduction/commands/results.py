@@ -7,8 +7,9 @@ the pretrained detector if the command uses it, and the files that the command r
     python -m reproduction results --list
     python -m reproduction results claims.csv people.csv --jobs 2
 
-A stopped run resumes. Independent parts run side by side, in processes of this machine or of a Dask
-or Ray cluster. Commands that measure times run alone after them.
+A stopped run resumes. In another clone it resumes if results/parts/ was committed. Independent
+parts run side by side, in processes of this machine or of a Dask or Ray cluster. Commands that
+measure times run alone after them.
 """
 
 from __future__ import annotations
@@ -86,6 +87,8 @@ def show(
     for level in engine.levels(steps, files):
         for step in level:
             parts = engine.parts_of(step, steps, places)
+            for part in parts:
+                engine.restore(part)
             current = engine.is_current(step, parts, places)
             rest = [part for part in parts if not current and not part.done.is_file()]
             hours = sum(expected_h(part, record) for part in rest)

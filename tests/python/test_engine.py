@@ -128,6 +128,22 @@ def test_a_failed_part_stops_only_what_reads_it(steps: list[Step], places: Place
     assert {file.name for file in places.results.iterdir()} == {"c.csv", engine.RECORD}
 
 
+def test_finished_parts_of_an_incomplete_file_resume_in_another_clone(
+    steps: list[Step], places: Places, tmp_path: Path
+) -> None:
+    (command,) = steps[1].commands
+    bad = replace(command, split=(("--number", ("1", "2", "x --sleep x")),))
+    some = [steps[0], replace(steps[1], commands=(bad,))]
+    assert len(engine.run(some, [], places, Pool())) == 1
+    kept = places.results / "parts/a"
+    assert sorted(file.name for file in kept.rglob("*.*")) == ["a.csv", "a.csv", *2 * ["done.json"]]
+    elsewhere = replace(places, work=tmp_path / "elsewhere")
+    assert engine.run(steps, [], elsewhere, Pool()) == []
+    assert starts(elsewhere) == 2  # the third part, and what reads the file
+    assert pd.read_csv(places.results / "a.csv").number.tolist() == [1, 2, 3]
+    assert not kept.parent.exists()
+
+
 def test_a_command_that_outlives_a_killed_engine_is_waited_for(
     steps: list[Step], places: Places
 ) -> None:
