@@ -129,7 +129,7 @@ def run(args: argparse.Namespace) -> int:
 def comparison_lines(table: pd.DataFrame, half_width_ap: float) -> list[str]:
     """Returns a sentence for each row (scene and preset) of the table of `benchmark_until`."""
     return [
-        f"{row.scene}, {row.preset}: AP of {row.first} less that of {row.second}, {row.subset}: "
+        f"{row.scene}, {row.preset}: AP of {row.first} minus that of {row.second}, {row.subset}: "
         f"{row.difference:+.1f} [{row.low:.1f}, {row.high:.1f}] over {row.replicates} replicates"
         + ("" if row.half_width <= half_width_ap else f"; not known to {half_width_ap:g} AP")
         for row in table.itertuples()

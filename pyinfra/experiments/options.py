@@ -84,7 +84,7 @@ class Option:
     off_region_per_min: float = math.nan  # boxes outside the region, score 0.5 or more
     hardly_learnt: bool = False  # whether the detector is a network trained in the smoke tier
     per_seed: tuple[float, ...] = ()  # AP of all vehicles in each seed, if there are several
-    # AP of this option less that of another one, by name, in replicates (benchmark/until.py)
+    # AP of this option minus that of another one, by name, in replicates (benchmark/until.py)
     replicated: Mapping[str, Interval] = field(default_factory=dict)
     other_frames: str = ""  # remark if the detector learnt from frames of another number
 
@@ -98,7 +98,7 @@ class Option:
         return self.latency_low_ms if self.latency_low_ms >= 0 else self.latency_ms
 
     def less(self, other: Option) -> Interval:
-        """Returns the paired difference of the AP of all vehicles, this option less the other.
+        """Returns the paired difference of the AP of all vehicles, this option minus the other.
 
         If a benchmark compared the two in replicates, this is the result. With several seeds, it is
         Student's t interval of the differences of the seeds. Otherwise

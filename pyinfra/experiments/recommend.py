@@ -159,7 +159,7 @@ def replicates_note(options: Iterable[Option]) -> Iterator[str]:
             if difference.value >= 0:
                 yield (
                     f"In replicates with other traffic, the AP of {option.name} "
-                    f"less that of {other} is {with_interval(difference)}."
+                    f"minus that of {other} is {with_interval(difference)}."
                 )
 
 

@@ -25,7 +25,7 @@ def compare(
     ground_truth: Subset | None = None,
     by: Literal["distance"] | None = None,
 ) -> Interval | pd.DataFrame:
-    """Returns the paired difference in AP (R1000): AP of `a` less AP of `b`.
+    """Returns the paired difference in AP (R1000): AP of `a` minus AP of `b`.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ class Bootstrapped:
     blocks: float  # number of time blocks in the evaluated frames
 
     def less(self, other: Bootstrapped) -> Bootstrapped:
-        """Returns this figure less another figure with replicates of the same blocks."""
+        """Returns this figure minus another figure with replicates of the same blocks."""
         return Bootstrapped(
             self.value - other.value, self.replicates - other.replicates, self.blocks
         )

@@ -244,7 +244,7 @@ def high_quality_share(distance: pd.DataFrame, replicates: FloatArray) -> FloatA
 
 
 def error_table(match_result: MatchResult) -> pd.DataFrame:
-    """Returns the errors of true positives: the predicted box less the vehicle's box.
+    """Returns the errors of true positives: the predicted box minus the vehicle's box.
 
     Rows ahead, left and up are errors of the centre along the vehicle's axes. Row horizontal is the
     horizontal distance of the centres. Row heading is the error modulo 180 degrees. Row reversed is

@@ -55,7 +55,7 @@ def compare_places(folders: Sequence[Path], which: Subset = "present") -> pd.Dat
     Returns
     -------
     DataFrame : columns COLUMNS. If column `minus` is empty, the row has the figure of one mount.
-        Otherwise the row has the difference of two mounts, `place` less `minus`. The measures are
+        Otherwise the row has the difference of two mounts, `place` minus `minus`. The measures are
         ap_r1000, recall_percent and hidden_percent, 0 to 100. Columns low and high are the ends of
         the 95 % interval; they are NaN for hidden_percent. For one seed the interval comes from a
         bootstrap over blocks of time. For several seeds it is Student's t interval over the seeds.

@@ -213,7 +213,7 @@ def check_pair(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> None:
 
 
 def difference(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> Bootstrapped:
-    """Returns the first figure less the second, in each replicate.
+    """Returns the first figure minus the second, in each replicate.
 
     The argument `also` and the exceptions are as in `check_pair`.
     """

@@ -121,11 +121,11 @@ def across_lidars(of: Figures, detector: str, truth: str) -> Iterator[Row]:
     wide, avia, narrow = (of(name, detector, truth, "ap_r1000") for name in lidars)
     case = f"{detector}, {truth}"
     if wide and avia:
-        text = f"{case}: AP of the Avia less that of 128 lines within 3"
+        text = f"{case}: AP of the Avia minus that of 128 lines within 3"
         yield tested("comparable", text, avia.less(wide), (-3.0, 3.0))
     if wide and avia and narrow:
         least = min(wide, avia, key=lambda f: f.value)
-        text = f"{case}: the smaller AP of Avia and 128 lines less that of 64 lines above 0"
+        text = f"{case}: the smaller AP of Avia and 128 lines minus that of 64 lines above 0"
         yield tested("64-below", text, least.less(narrow), ABOVE_0)
 
 
@@ -140,10 +140,10 @@ def across_detectors(of: Figures, lidar: str) -> Iterator[Row]:
     order = sorted(by_detector, key=lambda name: by_detector[name].value)
     best, worst = by_detector[order[-1]], by_detector[order[0]]
     if "pointrcnn" in known:
-        text = f"{lidar}: AP of the best ({order[-1]}) less that of PointRCNN 20 or more"
+        text = f"{lidar}: AP of the best ({order[-1]}) minus that of PointRCNN 20 or more"
         yield tested("algorithms", text, best.less(known["pointrcnn"]), (20.0, math.inf))
     lower = min(("pv-rcnn", "pointpillars"), key=lambda name: by_detector[name].value)
-    text = f"{lidar}: AP of {lower}, the lower one of PV-RCNN and PointPillars, less that of dsvt"
+    text = f"{lidar}: AP of {lower}, the lower one of PV-RCNN and PointPillars, minus that of dsvt"
     yield tested("algorithms", f"{text} above 0", by_detector[lower].less(known["dsvt"]), ABOVE_0)
     text = f"{lidar}: AP of the best ({order[-1]}) less the lowest ({order[0]}) 5 or less"
     yield tested("similar", text, best.less(worst), AT_MOST_5)
@@ -153,7 +153,7 @@ def areas(of: Figures, detector: str) -> Iterator[Row]:
     """Compares the share of high-quality areas of the Avia and of the 128 lines."""
     avia, wide = (of(name, detector, "captured", "p_hqda") for name in (AVIA, LINES_128))
     if avia and wide:
-        text = f"{detector}: share of high-quality areas of the Avia less that of 128 lines within"
+        text = f"{detector}: share of high-quality areas of the Avia minus that of 128 lines within"
         yield tested("areas", f"{text} 10", avia.less(wide), (-10.0, 10.0))
 
 
@@ -164,7 +164,7 @@ def gentle(of: Figures, detector: str) -> Iterator[Row]:
     known = [figure for figure in others if figure is not None]
     if avia and len(known) == len(SPINNING):
         best = max(known, key=lambda f: f.value)
-        text = f"{detector}: AP per 10 m of the Avia less the highest of the spinning LiDARs"
+        text = f"{detector}: AP per 10 m of the Avia minus the highest of the spinning LiDARs"
         yield tested("gentle", f"{text} above 0", avia.less(best), ABOVE_0)
 
 

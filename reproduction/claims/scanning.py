@@ -151,7 +151,7 @@ def gentle(vehicles: Observations, blocks: Blocks) -> Row:
     fits = decay(vehicles, blocks).set_index("lidar").exponent
     exponents = ", ".join(f"{name} {fits[name]:.2f}" for name in (AVIA, *SPINNING))
     where = _where(_within(vehicles, WHOLE_M), WHOLE_M, "common")
-    text = f"smallest decay exponent of the others less that of {AVIA} is above 0 ({exponents})"
+    text = f"smallest decay exponent of the others minus that of {AVIA} is above 0 ({exponents})"
     return _row("gentle", f"{text}; {where}", estimate, ABOVE_0)
 
 
@@ -182,7 +182,7 @@ def only_one(vehicles: Observations, blocks: Blocks, name: str) -> Row:
     sums = blocks.sums(far.frame, np.stack([alone - another, np.ones_like(alone)], axis=1))
     estimate = blocks.estimate(sums, lambda s: 100 * ratio(s[..., 0], s[..., 1]))
     text = (
-        f"vehicles hit by {AVIA} alone ({alone.sum()}) less those hit by another and not by it "
+        f"vehicles hit by {AVIA} alone ({alone.sum()}) minus those hit by another and not by it "
         f"({another.sum()}), per 100, are above 0; {_where(far, FAR_SPAN_M, name)}"
     )
     row = _row("only-one", text, estimate, ABOVE_0)

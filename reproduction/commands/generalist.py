@@ -6,7 +6,7 @@ site that the pretrained detector's training did not use. Each experiment tests 
 - `none`: the pretrained detector without further training;
 - `tuned_30` and `tuned_120`: the pretrained detector after about 30 and 120 s of training on one
   core, with simulated labels of the site;
-- `site_trained`: a network that is trained from random weights at the site only.
+- `site_trained`: a network that is trained from scratch at the site only.
 
 The command adds each row, with its bootstrap replicates, to out/generalist.csv as soon as it is
 computed. Existing rows of the same initial weights (column `start`) are not computed again.

@@ -1,7 +1,7 @@
 """Tests whether clouds of several frames give a higher AP than clouds of one frame.
 
 The integration time is the time of the frames that are stacked into one cloud. For each traffic
-seed s, speed, LiDAR and integration time, PointPillars is trained from random weights on stacked
+seed s, speed, LiDAR and integration time, PointPillars is trained from scratch on stacked
 frames of traffic seed 1000 + s, and tested on stacked frames of traffic seed s. The age of each
 point is an input. The labelled frames are the same for each integration time. Rows are added to the
 output as they are made; existing rows are kept, and several processes can share the work.

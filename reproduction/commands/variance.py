@@ -13,7 +13,7 @@ the LiDAR with 128 lines. The components are standard deviations:
   variation of the replicates.
 
 Groups with fewer than three replicates are left out. Of the networks of the judge
-`from nothing`, which are trained from random weights, only PointPillars is used.
+`from nothing`, which are trained from scratch, only PointPillars is used.
 
 Components are averaged as variances over all groups that have them. The estimate of a group can be
 negative; a mean below 0 counts as 0. The command writes results/variance.csv:

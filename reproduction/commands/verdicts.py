@@ -172,7 +172,7 @@ def of_value(cheaper_ends: Collection[tuple[float, float]], replicates: int) -> 
 
     Parameters
     ----------
-    cheaper_ends : intervals of the cheaper LiDARs' AP less the level
+    cheaper_ends : intervals of the cheaper LiDARs' AP minus the level
     """
     if any(low > 0 for low, _ in cheaper_ends):
         return CHEAPER

@@ -158,7 +158,7 @@ def fine_tuning_ap(fairness: pd.DataFrame, experiments: pd.DataFrame) -> dict[st
 
 
 def _gains(rows: pd.DataFrame) -> pd.Series:
-    """Returns the fine-tuned less the pretrained AP of each LiDAR, as the mean over scenes."""
+    """Returns the fine-tuned minus the pretrained AP of each LiDAR, as the mean over scenes."""
     rows = rows[rows.preset == "datasheet"]
     wide = rows.groupby(["lidar", "scene", "judge"]).ap_r1000.mean().unstack("judge")
     return (wide["fine-tuned"] - wide["pretrained"]).dropna().groupby("lidar").mean()

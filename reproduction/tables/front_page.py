@@ -62,7 +62,7 @@ def same_vehicles() -> list[str]:
     )
     counts = dict.fromkeys(str(rows.replicates[name]) for name in ("paper", "datasheet"))
     finding = (
-        "For vehicles that all LiDARs can see, the Avia's AP (average precision, %) less that of "
+        "For vehicles that all LiDARs can see, the Avia's AP (average precision, %) minus that of "
         f"128 lines is {paper} under the study's settings; by data sheets {datasheet}."
     )
     where = (

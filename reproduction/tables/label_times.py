@@ -136,7 +136,7 @@ def trained_at_angles(lidar: str) -> dict[int, pd.Series]:
 
 
 def comparison() -> str:
-    """Returns the Avia's AP less that of 128 lines at each label time and cut angle."""
+    """Returns the Avia's AP minus that of 128 lines at each label time and cut angle."""
     rows = []
     for key, aps in _aps():
         for label_time, text in LABEL_TIMES.items():
@@ -144,5 +144,5 @@ def comparison() -> str:
             less = wide.mul(-1).add(avia, axis=0)
             ends = f"{less.mean().min():.1f} to {less.mean().max():.1f}"
             rows.append([*key, text, mean_of_ap(less.mean(axis=1)), ends])
-    heads = ["scene", "preset", "detector", "labels at", "Avia less 128 lines, AP"]
+    heads = ["scene", "preset", "detector", "labels at", "Avia minus 128 lines, AP"]
     return markdown([*heads, "at single cut angles"], rows)

@@ -13,7 +13,7 @@ def coverage() -> str:
     for (scene, span), group in table.groupby(["scene", "span_s"], sort=False):
         cells = [f"{r.held_percent:.0f} ({r.width:.1f})" for r in group.itertuples()]
         rows.append([scene, f"{span}", f"{group.block_s.iloc[0]:.0f}", *cells])
-    figures = list(dict.fromkeys(table.figure))
+    figures = list(dict.fromkeys(table.figure.str.replace(" less ", " minus ")))
     return markdown(["scene", "test, s", "block, s", *figures], rows)
 
 

@@ -97,7 +97,7 @@ def placement(question: str) -> str:
     """Returns a table of one question of `python -m reproduction placement`."""
     table = results("placement_summary")
     rows = [
-        [str(row.quantity), str(row.sites), _cell(row)]
+        [str(row.quantity).replace(" less ", " minus "), str(row.sites), _cell(row)]
         for _, row in table[table.question == question].iterrows()
     ]
     return markdown(["quantity, mean over sites", "sites", "value"], rows)

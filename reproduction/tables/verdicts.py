@@ -43,7 +43,7 @@ TRAINED = {  # detectors by (judge, detector)
 }
 AVIA = "livox_avia"
 COMPONENTS = {
-    "judge": "detector (judge)",
+    "judge": "detector",
     "scene": "scene",
     "preset": "preset",
     "label_time": "label time",
@@ -150,7 +150,7 @@ def detectors(scene: str, preset: str, subset: str = "captured") -> str:
             if timed:
                 times.append(f"{ms_of[setup, name]:.0f}" if (setup, name) in ms_of else "")
             rows.append([words, *cells, str(len(aps)), *times])
-    heads = ["detector", "128 lines", "Avia", "Avia less 128 lines", "replicates"]
+    heads = ["detector", "128 lines", "Avia", "Avia minus 128 lines", "replicates"]
     heads += ["training, CPU s", "frame, ms"] if timed else ["training, CPU s"]
     return markdown(heads, rows)
 
@@ -230,7 +230,7 @@ def variance() -> str:
         table[table["judge"].isin(("all", "fine-tuned"))].set_index(["component", "quantity"]).sd
     )
     names = {"ruby_plus": "128 lines", "avia": "Avia", "pandar_64": "64 lines"}
-    names |= {"helios_16": "16 lines", DIFFERENCE: "Avia less 128 lines"}
+    names |= {"helios_16": "16 lines", DIFFERENCE: "Avia minus 128 lines"}
     rows = [
         [text, *(_sd(table, (component, name)) for name in names)]
         for component, text in COMPONENTS.items()

@@ -109,11 +109,13 @@ def test_the_64_lines_are_below_both() -> None:
 
 def test_algorithms_are_compared_with_the_best() -> None:
     outcome = verdicts(tables(), "algorithms")
-    best = "ruby_plus: AP of the best (pv-rcnn) less that of"
+    best = "ruby_plus: AP of the best (pv-rcnn) minus that of"
     assert outcome[f"{best} PointRCNN 20 or more"] == "holds"
     # 94 - 70 = 24 for the Avia; 62 - 30 = 32 for the 16 lines.
     assert len(outcome) == 2 * 4
-    lower = "ruby_plus: AP of pointpillars, the lower one of PV-RCNN and PointPillars, less that of"
+    lower = (
+        "ruby_plus: AP of pointpillars, the lower one of PV-RCNN and PointPillars, minus that of"
+    )
     assert outcome[f"{lower} dsvt above 0"] == "holds"
 
 

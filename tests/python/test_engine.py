@@ -265,7 +265,7 @@ def test_the_pages_repeat_the_commands_of_the_steps() -> None:
     pages = [*(ROOT / "docs").rglob("*.md")]
     for page in pages:
         text = " ".join(page.read_text("utf-8").split())
-        for sentence in re.findall(r"To repeat[^`]*: `python -m reproduction ([^`]+)`", text):
+        for sentence in re.findall(r"To reproduce[^`]*: `python -m reproduction ([^`]+)`", text):
             name, *words = parsed(sentence.replace("MODEL", "generalist"))
             if name in typed:
                 assert words in typed[name], f"{page.name}: {sentence}"
