@@ -1,1 +1,1 @@
-"""Tests the paper's claims with intervals; docs/conventions/claims.md defines the rules."""
+"""Tests the paper's claims with intervals; docs/verdict_rules.md defines the rules."""

@@ -1,6 +1,6 @@
 """Tests the paper's claims about detection on a benchmark's tables.
 
-docs/conventions/claims.md, "Claims about detection", defines the rules.
+docs/verdict_rules.md, "Claims about detection", defines the rules.
 """
 
 from __future__ import annotations

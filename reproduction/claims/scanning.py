@@ -1,6 +1,6 @@
 """Tests the paper's claims about scanning with statistics of points on vehicles.
 
-docs/conventions/claims.md, "Claims about scanning", defines the rules. The rules were written
+docs/verdict_rules.md, "Claims about scanning", defines the rules. The rules were written
 before the first run.
 """
 

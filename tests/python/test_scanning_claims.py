@@ -1,4 +1,4 @@
-"""`python -m reproduction claims`: verdicts by the rules of docs/conventions/claims.md."""
+"""`python -m reproduction claims`: verdicts by the rules of docs/verdict_rules.md."""
 
 import math
 from collections.abc import Callable
