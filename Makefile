@@ -9,6 +9,11 @@ OUT := data/$(PRESET)
 UNITY := OFF
 # OFF: the site is built without running the gallery's scripts.
 GALLERY := ON
+# Objects that were compiled before, also for the wheel, come from ccache if it is installed.
+export CMAKE_CXX_COMPILER_LAUNCHER = $(shell command -v ccache)
+export CCACHE_BASEDIR := $(CURDIR)
+export CCACHE_NOHASHDIR := 1
+export CCACHE_DEPEND := 1
 
 # A build type's configure step, with more options and UNITY if given; pybind11 comes from the
 # virtual environment.

@@ -57,8 +57,9 @@ print(*groups.get(group, project["optional-dependencies"].get(group, [])), sep="
 EOF
 }
 
+# Python compiles what is imported when it is first imported, which is a small part.
 pip_install() {
-  .venv/bin/python -m pip install -qq -c $constraints --build-constraint $constraints "$@"
+  .venv/bin/python -m pip install -qq --no-compile -c $constraints --build-constraint $constraints "$@"
 }
 
 # Installs PyTorch's CPU build if pip is configured with an index or a folder that has it. PyPI has only

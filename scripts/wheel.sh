@@ -1,11 +1,15 @@
 #!/usr/bin/env bash
 # Makes the wheel for this Python in dist, and tests it in a clean environment outside the source tree.
+# It is compiled with the options of the preset `dev`, so with ccache and UNITY=ON its objects are those
+# that were tested.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 try=$PWD/build/wheel-env
 
 rm -rf build/wheel dist "$try"
-.venv/bin/python -m pip wheel -qq . --no-deps -w build/wheel/raw --build-constraint scripts/constraints.txt
+CXX=c++ .venv/bin/python -m pip wheel -qq . --no-deps -w build/wheel/raw --no-build-isolation \
+  -Ccmake.build-type=RelWithDebInfo -Ccmake.define.CMAKE_CXX_FLAGS_RELWITHDEBINFO="-O3 -g1" \
+  -Ccmake.define.CMAKE_COMPILE_WARNING_AS_ERROR=ON -Cinstall.strip=true
 wheel=$PWD/$(.venv/bin/python scripts/bundle.py build/wheel/raw/*.whl dist)
 .venv/bin/python -m venv --without-pip "$try"
 .venv/bin/python -m pip --python "$try/bin/python" install -qq --no-compile -c scripts/constraints.txt \
