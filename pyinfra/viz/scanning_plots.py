@@ -56,9 +56,9 @@ def points_per_vehicle(table: pd.DataFrame) -> Figure:
             lidar = lidar[lidar.apv > 0]
             middle = (lidar.from_m + lidar.to_m) / 2
             ax.plot(middle, lidar.apv, label=name, markersize=4, **_line(name, table))
-            ax.fill_between(
-                middle, lidar.ci_low, lidar.ci_high, alpha=0.2, color=_colour(name, table)
-            )
+            known = lidar.ci_low > 0.5 * part.apv[part.apv > 0].min()
+            style = {"alpha": 0.2, "color": _colour(name, table)}
+            ax.fill_between(middle, lidar.ci_low, lidar.ci_high, known, **style)
         ax.set(
             yscale="log" if (table.apv > 0).any() else "linear",
             xlim=(table.from_m.min(), table.to_m.max()),

@@ -186,7 +186,9 @@ def test_one_detector_only(tmp_path: Path) -> None:
     results = report_data.write(
         tmp_path / "results", {"quick.csv": experiments[experiments.detector == "background"]}
     )
-    assert "Livox Avia with Background" in Read(report(results)).text
+    text = Read(report(results)).text
+    assert "with Background, Livox Avia has the highest AP" in text
+    assert "Livox Avia with Background" not in text  # the sentence names it once
 
 
 def test_experiments_that_all_failed_have_no_answer(tmp_path: Path) -> None:
@@ -517,10 +519,11 @@ def test_the_pretrained_detector_needs_no_labels_of_the_site() -> None:
     )
     for end in ("", "_low", "_high"):
         rows[f"ap_whole_r1000{end}"] = rows.ap_whole
-    material = SimpleNamespace(names=read_names(["a"], {}))
+    results = SimpleNamespace(table=lambda _: rows)
+    material = SimpleNamespace(names=read_names(["a"], {}), results=results)
     line = answer_section._untrained(material, rows)
     assert line is not None
-    assert line.choice.endswith("generalist-as-is")
+    assert line.choice.endswith("with the pretrained detector")
 
 
 def test_a_scene_keeps_the_capitals_of_its_name() -> None:

@@ -34,6 +34,8 @@ from pyinfra.viz.report.sections import (
 Maker = Callable[[Material], Section | None]
 SECTIONS: list[Maker] = [
     answer.section,
+    pictures.section,
+    view.section,
     hits.section,
     points.section,
     accuracy.section,
@@ -42,8 +44,6 @@ SECTIONS: list[Maker] = [
     value.section,
     speed.section,
     stability.section,
-    pictures.section,
-    view.section,
     methods.section,
 ]
 TITLE = "Roadside LiDAR: which sensor, which detector"

@@ -25,7 +25,10 @@ DETECTORS = {
     "pointrcnn-remedied": "PointRCNN, remedied",
     "centerpoint-pillar": "CenterPoint-Pillar",
     "background": "Background",
+    "generalist-as-is": "pretrained",
+    "generalist": "fine-tuned",
 }
+OF_PACKAGE = ("generalist-as-is", "generalist")  # detectors that are called by what they are
 
 
 @dataclass(frozen=True)
@@ -77,6 +80,13 @@ def read_names(lidars: Iterable[str], models: Mapping[str, str]) -> Names:
 def detector(name: str) -> str:
     """Returns the display name of a detector."""
     return DETECTORS.get(name, name)
+
+
+def with_detector(name: str) -> str:
+    """Returns "with" and the detector, for sentences."""
+    return (
+        f"with the {DETECTORS[name]} detector" if name in OF_PACKAGE else f"with {detector(name)}"
+    )
 
 
 def capitalized(name: str) -> str:

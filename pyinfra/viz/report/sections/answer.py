@@ -13,7 +13,7 @@ from pyinfra.experiments.requirements import frame_ms
 from pyinfra.experiments.result_tables import AS_THEY_COME
 from pyinfra.metrics.row_selection import AP_OF, COUNTED, ap_name
 from pyinfra.viz.report.blocks import Block, Card, CardLine, Cards, Section, Text, span
-from pyinfra.viz.report.names import detector
+from pyinfra.viz.report.names import with_detector
 from pyinfra.viz.report.report_data import ANY_PRICE, Material
 from pyinfra.viz.report.sections import accuracy, recommendation
 
@@ -50,7 +50,7 @@ def section(material: Material) -> Section | None:
             _sentence(material, rows[rows.scene == s]) for s in scenes if s not in of_user
         ]
         blocks += _of_purposes(material, others)
-    caveat = caveat_of_results(zip(done.lidar, done.detector, strict=True))
+    caveat = material.names.spelled(caveat_of_results(zip(done.lidar, done.detector, strict=True)))
     if alone:
         return Section("answer", TITLE, f"{sentences[0]} {caveat}".rstrip(), blocks)
     if len(others) > 0:
@@ -97,7 +97,7 @@ def _overall(material: Material, experiments: pd.DataFrame) -> str:
         else "is the highest of each scene"
     )
     return (
-        f"Over all {scenes} scenes, {material.names.model(lidar)} with {detector(name)} has the "
+        f"Over all {scenes} scenes, {material.names.model(lidar)} {with_detector(name)} has the "
         f"highest mean {ap_name(rows)} of the vehicles of the whole road: {best.mean():.1f}. Its "
         f"AP is lowest at {best.idxmin()} ({best.min():.1f}), and {behind}."
     )
@@ -106,19 +106,26 @@ def _overall(material: Material, experiments: pd.DataFrame) -> str:
 def _sentence(material: Material, rows: pd.DataFrame) -> str:
     """Returns the answer for a scene in words."""
     best = rows.loc[rows.ap_r1000.idxmax()]
-    text = f"On the {best.scene}, preset {best.preset}, {_name(material, best)} has the highest AP"
-    text += f" of the vehicles that a LiDAR captures: {ap_name(rows)} {best.ap_r1000:.1f}"
-    text += (
-        f" {span(best.ap_r1000_low, best.ap_r1000_high)}{_rest(material, rows, best, 'captured')}."
+    where = f"On the {best.scene}, preset {best.preset}"
+    if _one_detector(material):
+        where += f", {with_detector(best.detector)}"
+    of_captured = (
+        f"{_name(material, best)} has the highest AP of the vehicles that a LiDAR captures: "
+        f"{ap_name(rows)} {best.ap_r1000:.1f} {span(best.ap_r1000_low, best.ap_r1000_high)}"
+        f"{_rest(material, rows, best, 'captured')}."
     )
-    if rows.ap_whole_r1000.notna().any():
-        whole = rows.loc[rows.ap_whole_r1000.idxmax()]
-        text += (
-            f" {_name(material, whole)} has the highest AP of {COUNTED[whole.whole]} on the road"
-        )
-        rest = _rest(material, rows, whole, whole.whole)
-        text += f" ({ap_name(rows)} {whole.ap_whole_r1000:.1f}{rest})."
-    return text
+    if rows.ap_whole_r1000.isna().all():
+        return f"{where}, {of_captured}"
+    whole = rows.loc[rows.ap_whole_r1000.idxmax()]
+    text = (
+        f"{where}, {_name(material, whole)} has the highest AP of {COUNTED[whole.whole]} on the "
+        f"road: {ap_name(rows)} {whole.ap_whole_r1000:.1f}"
+        f"{_rest(material, rows, whole, whole.whole)}. "
+    )
+    cheap = _cheapest(material, rows)
+    if cheap is not None and cheap.choice != _name(material, whole):
+        text += f"{cheap.choice} is the cheapest LiDAR within {CLOSE_AP:g} AP: {cheap.reason}. "
+    return text + of_captured
 
 
 def _card(material: Material, experiments: pd.DataFrame, question: str, choose: Choice) -> Card:
@@ -179,7 +186,7 @@ def _cheapest(material: Material, rows: pd.DataFrame) -> CardLine | None:
 def _untrained(material: Material, rows: pd.DataFrame) -> CardLine | None:
     rows, of = _to_compare(rows)
     untrained = rows[rows.detector.isin(AS_THEY_COME) & rows.compared.notna()]
-    if untrained.empty:
+    if untrained.empty or len(untrained) == len(rows):
         return None
     best = untrained.loc[untrained.compared.idxmax()]
     speed = f", {best.latency_p50_ms:.0f} ms a frame" if best.latency_p50_ms > 0 else ""
@@ -231,8 +238,15 @@ def _rest(material: Material, rows: pd.DataFrame, best: pd.Series, truth: str) -
     return f"; the difference to {_listed(material, others.iloc[alike])} is not significant"
 
 
+def _one_detector(material: Material) -> bool:
+    return material.results.table("experiments").detector.nunique() == 1
+
+
 def _name(material: Material, row: pd.Series) -> str:
-    return f"{material.names.model(row.lidar)} with {detector(row.detector)}"
+    """Returns the LiDAR, and the detector if there are several."""
+    if _one_detector(material):
+        return material.names.model(row.lidar)
+    return f"{material.names.model(row.lidar)} {with_detector(row.detector)}"
 
 
 def _listed(material: Material, rows: pd.DataFrame, most: int = 2) -> str:

@@ -45,13 +45,9 @@ def section(material: Material) -> Section | None:
         plans = _plans(material, [])
         return Section("pictures", "Plans of the scenes", "", plans) if plans else None
     exact = [d for d in material.data if d.aggregation == "exact"] or list(material.data)
-    blocks: list[Block] = [
-        *_patterns(material, exact[0]),
-        *_plans(material, exact),
-        _sheet(material, exact),
-    ]
+    blocks: list[Block] = [*_plans(material, exact), _sheet(material, exact), *_boxes(material)]
     blocks += [_cutouts(material, d) for d in exact]
-    blocks += [*_aggregations(material), *_boxes(material), _speeds(exact)]
+    blocks += [*_patterns(material, exact[0]), *_aggregations(material), _speeds(exact)]
     lead = (
         "Pictures of frames on disk. The x axis points in the LiDAR's viewing direction, the y "
         "axis to its left; both are in metres."

@@ -32,10 +32,10 @@ def section(material: Material) -> Section | None:
     presets = in_order(table.preset, PRESETS)
     figures = [_figure(material, table, source, preset, presets) for preset in presets]
     lead = (
-        "Mean number of points on a vehicle in distance bins of 5 m, with 95 % intervals where "
-        "there are enough frames. Vehicles without points count as 0. Common: vehicles in the "
-        "field of view and within the range of every LiDAR. View: vehicles in the field of view "
-        "of every LiDAR, at any range."
+        "Mean number of points on a vehicle in distance bins of 5 m. Bands are 95 % intervals, "
+        "where there are enough frames and the interval does not reach 0. Vehicles without points "
+        "count as 0. Common: vehicles in the field of view and within the range of every LiDAR. "
+        "View: vehicles in the field of view of every LiDAR, at any range."
     )
     return Section("points", "Points per vehicle", lead, figures)
 
@@ -85,7 +85,8 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
             middle, look = (curve.from_m + curve.to_m) / 2, material.names.look(lidar)
             ax.plot(middle, curve.apv, markersize=3, linewidth=1.2, **look.style())
             style: dict[str, Any] = {"color": look.colour, "alpha": 0.18, "linewidth": 0}
-            ax.fill_between(middle, curve.ci_low, curve.ci_high, **style)
+            known = curve.ci_low > 0.5 * rows.apv.min()
+            ax.fill_between(middle, curve.ci_low, curve.ci_high, known, **style)
         ax.set(yscale="log", xlabel="horizontal distance (m)", ylabel="points per vehicle")
         log_ticks(ax.yaxis)
         label = f"Points per vehicle by distance, {title}, preset {first.preset}"

@@ -16,7 +16,7 @@ from pyinfra.experiments.requirements import Requirements, place_of
 from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.row_selection import COUNTED
 from pyinfra.viz.report.blocks import Block, Column, Remarks, Table, TableCell, number, span
-from pyinfra.viz.report.names import capitalized, detector
+from pyinfra.viz.report.names import capitalized, with_detector
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.value import spelled
 
@@ -65,7 +65,7 @@ def overall(material: Material, answers: Sequence[SceneAnswer]) -> str:
     order = groups.agg(scenes=("scene", "nunique"), ap=("ap_r1000", "mean"))
     lidar, detector_name = order.sort_values(["scenes", "ap"], ascending=False).index[0]
     best = rows[(rows.lidar == lidar) & (rows.detector == detector_name)]
-    name = f"{material.names.model(lidar)} with {detector(detector_name)}"
+    name = f"{material.names.model(lidar)} {with_detector(detector_name)}"
     least, most = (f"{usd:,.0f}" for usd in (best.price_usd.min(), best.price_usd.max()))
     price = f"{least} USD" if least == most else f"{least} to {most} USD"
     if len(best) == len(answers):
@@ -157,4 +157,4 @@ def _cell(figure: Interval, form: str, more: str = "") -> TableCell:
 
 
 def _name(material: Material, option: Option) -> str:
-    return f"{material.names.model(option.lidar)} with {detector(option.detector)}"
+    return f"{material.names.model(option.lidar)} {with_detector(option.detector)}"
