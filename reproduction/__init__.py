@@ -46,12 +46,6 @@ def add_out(
     )
 
 
-def add_work(parser: argparse.ArgumentParser, *, gigabytes: int) -> None:
-    """Adds the option that names the working folder, which takes up to `gigabytes`."""
-    text = f"working folder for frames, about {gigabytes} GB"
-    parser.add_argument("--work", type=work_folder, required=True, help=text)
-
-
 def work_folder(text: str) -> Path:
     """Returns a working folder, and notes the number of its frames in it.
 
@@ -76,17 +70,6 @@ def work_folder(text: str) -> Path:
     if not file.is_file():
         write(file, f"{number}\n")
     return folder
-
-
-def add_seeds(parser: argparse.ArgumentParser) -> None:
-    """Adds the option that names the traffic seeds of the measurement."""
-    parser.add_argument(
-        "--seeds",
-        nargs="+",
-        type=int,
-        default=[1, 2, 3],
-        help="traffic seeds; a seed also seeds the training (default: 1 2 3)",
-    )
 
 
 def provenance(command: str, frames_version: int | None = None) -> dict[str, object]:

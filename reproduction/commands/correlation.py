@@ -9,7 +9,6 @@ out/correlation.csv:
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -35,7 +34,8 @@ from pyinfra.models.inference import detect
 from pyinfra.models.training.recipe import read_recipe
 from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
-from reproduction import ROOT, add_out, add_work, provenance
+from reproduction import ROOT, provenance
+from reproduction.arguments import Out, Work, command
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -105,17 +105,19 @@ def integrated(series: FloatArray) -> float:
     return float(1 + 2 * at[1:ends].sum())
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_work(parser, gigabytes=2)
-    add_out(parser, "correlation.csv")
-    args = parser.parse_args()
+@command
+def main(*, work: Work, out: Out = Path("correlation.csv")) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for frames, about 2 GB
+    """
     rows = []
     for scene in SCENES:
-        data = simulated(scene, args.work)
+        data = simulated(scene, work)
         for lidar in LIDARS:
             computed = correlation(data / lidar, predictions(data / lidar))
             rows += [{"scene": scene, "lidar": lidar} | row for row in computed]
     table = pd.DataFrame(rows)
-    table.assign(seed=1, **provenance("correlation")).to_csv(args.out, index=False)
+    table.assign(seed=1, **provenance("correlation")).to_csv(out, index=False)
     print(table.to_string(index=False))

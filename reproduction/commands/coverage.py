@@ -10,7 +10,6 @@ The command writes out/coverage.csv for three scenes and three test spans:
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +24,8 @@ from pyinfra.dataset.roads import Road, locate, read_roads
 from pyinfra.dataset.runs import infrasim
 from pyinfra.metrics import ap, intervals
 from pyinfra.metrics.comparison import Bootstrapped
-from reproduction import add_out, provenance, work_folder
+from reproduction import provenance
+from reproduction.arguments import Out, Work, command
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -217,24 +217,19 @@ def rows(scene: str, count: int, work: Path) -> Iterator[dict[str, object]]:
             }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--work", type=work_folder, required=True, help="working folder for simulated data"
-    )
-    parser.add_argument(
-        "--studies",
-        type=int,
-        default=200,
-        help="number of simulated studies (default: %(default)s)",
-    )
-    add_out(parser, "coverage.csv")
-    args = parser.parse_args()
+@command
+def main(*, work: Work, studies: int = 200, out: Out = Path("coverage.csv")) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for simulated data
+    studies : number of simulated studies (default: %(default)s)
+    """
     all_rows: list[dict[str, object]] = []
     for scene in SCENES:
-        (args.work / scene).mkdir(parents=True, exist_ok=True)
-        all_rows += rows(scene, args.studies, args.work / scene)
-        made_by = provenance(f"coverage --studies {args.studies}")
+        (work / scene).mkdir(parents=True, exist_ok=True)
+        all_rows += rows(scene, studies, work / scene)
+        made_by = provenance(f"coverage --studies {studies}")
         table = pd.DataFrame(all_rows).assign(seed=1, **made_by)
-        table.to_csv(args.out, index=False)
+        table.to_csv(out, index=False)
         print(table[table.scene == scene].iloc[:, :9].to_string(index=False), flush=True)

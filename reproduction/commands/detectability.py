@@ -20,7 +20,7 @@ import argparse
 import json
 import warnings
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
@@ -30,7 +30,8 @@ from pyinfra.core.errors import Error
 from pyinfra.core.version import machine
 from pyinfra.dataset import simulation
 from pyinfra.experiments.planner import detectability as laws
-from reproduction import ROOT, add_out, provenance, work_folder
+from reproduction import ROOT, provenance
+from reproduction.arguments import Out, Work, command
 from reproduction.detectability import check
 from reproduction.detectability.runs import (
     DETECTORS,
@@ -108,62 +109,55 @@ def part_of(text: str) -> tuple[int, int]:
     return int(number), int(parts)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=work_folder, required=True, help="folder of the runs")
-    parser.add_argument(
-        "--fit", type=int, default=40, help="sites of the fit, 0 for no fit; default: 40"
-    )
-    parser.add_argument("--check", type=int, default=12, help="sites of the check; default: 12")
-    parser.add_argument("--frames", type=int, default=30, help="frames of a run; default: 30")
-    parser.add_argument(
-        "--part",
-        type=part_of,
-        default=(1, 1),
-        metavar="K/N",
-        help="store runs of part K of N of the sites, without a fit; default: all and the fit",
-    )
-    parser.add_argument(
-        "--only-latency",
-        action="store_true",
-        help="only measure the detectors' time per frame again, and keep the fit",
-    )
-    parser.add_argument(
-        "--only-errors",
-        action="store_true",
-        help="only compute the errors at unseen sites again, from the recorded tables",
-    )
-    add_out(parser, "detectability.csv")
-    args = parser.parse_args()
+@command
+def main(
+    *,
+    work: Work,
+    fit: int = 40,
+    check: int = 12,
+    frames: int = 30,
+    part: Annotated[tuple[int, int], {"type": part_of, "metavar": "K/N"}] = (1, 1),
+    only_latency: bool = False,
+    only_errors: bool = False,
+    out: Out = Path("detectability.csv"),
+) -> None:
+    """
+    Parameters
+    ----------
+    work : folder of the runs
+    fit : sites of the fit, 0 for no fit; default: 40
+    check : sites of the check; default: 12
+    frames : frames of a run; default: 30
+    part : store runs of part K of N of the sites, without a fit; default: all and the fit
+    only_latency : only measure the detectors' time per frame again, and keep the fit
+    only_errors : only compute the errors at unseen sites again, from the recorded tables
+    """
     warnings.simplefilter("ignore")
-    args.work.mkdir(parents=True, exist_ok=True)
-    if args.only_errors:
+    if only_errors:
         plain = json.loads(laws.FILE.read_text(encoding="utf-8"))
-        write(args.out, with_errors(plain, pd.read_csv(ROOT / "results/detectability.csv")))
+        write(out, with_errors(plain, pd.read_csv(ROOT / "results/detectability.csv")))
         return
-    if args.only_latency:
+    if only_latency:
         plain = json.loads(laws.FILE.read_text(encoding="utf-8"))
         first = next(iter(fit_runs(1)))
         for detector, law in plain.items():
-            law |= timed(first, detector, args.frames, args.work)
-        write(args.out, plain)
+            law |= timed(first, detector, frames, work)
+        write(out, plain)
         return
-    fitted = stored([*fit_runs(args.fit)], args.frames, args.work, args.part)
-    checked = stored([*check_runs(args.check)], args.frames, args.work, args.part)
-    if args.part != (1, 1):
+    fitted = stored([*fit_runs(fit)], frames, work, part)
+    checked = stored([*check_runs(check)], frames, work, part)
+    if part != (1, 1):
         return
     if fitted:
-        plain = fit_all(fitted, args.frames, args.work)
+        plain = fit_all(fitted, frames, work)
     else:
         plain = json.loads(laws.FILE.read_text(encoding="utf-8"))
-    made_by = provenance(
-        f"detectability --fit {args.fit} --check {args.check} --frames {args.frames}"
-    )
-    tables = check_tables(checked, plain, args.frames, args.work)
+    made_by = provenance(f"detectability --fit {fit} --check {check} --frames {frames}")
+    tables = check_tables(checked, plain, frames, work)
     if fitted:
-        write(args.out, with_errors(plain, tables[""]))
+        write(out, with_errors(plain, tables[""]))
     for suffix, table in tables.items():
-        file = args.out.with_name(f"{args.out.stem}{suffix}.csv")
+        file = out.with_name(f"{out.stem}{suffix}.csv")
         table.assign(**made_by).to_csv(file, index=False, float_format="%.4g")
 
 
@@ -233,7 +227,3 @@ def check_tables(
         "_summary": pd.concat(summaries),
         "_reliability": pd.concat(curves),
     }
-
-
-if __name__ == "__main__":
-    main()

@@ -17,10 +17,10 @@ with the next site. The command writes out/detector_goals.csv:
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
@@ -38,7 +38,8 @@ from pyinfra.models.detectors.fuse_batchnorm import fused
 from pyinfra.models.detectors.network import Network
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.training import checkpoint
-from reproduction import add_out, add_work, provenance
+from reproduction import provenance
+from reproduction.arguments import Out, Work, command
 from reproduction.commands import frozen_sites
 from reproduction.commands.unseen import CLASSES, CUT, FINE, REPLICATES, scored_boxes
 
@@ -233,48 +234,43 @@ def rows(
                 }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("models", nargs="+", type=Path, help="names, model files or run folders")
-    add_work(parser, gigabytes=1)
-    parser.add_argument(
-        "--sites",
-        type=int,
-        nargs=2,
-        default=[60, 20],
-        metavar=("PLAIN", "CLUTTERED"),
-        help="number of sites of each set (default: 60 20)",
-    )
-    parser.add_argument(
-        "--frames", type=int, default=FRAMES, help="frames per LiDAR, at most 5 (default: 3)"
-    )
-    add_out(parser, "detector_goals.csv")
-    args = parser.parse_args()
-    args.work.mkdir(parents=True, exist_ok=True)
-    models, names = dict[str, Network](), dict[str, str]()
-    for model in args.models:
+@command
+def main(
+    models: Sequence[Path],
+    *,
+    work: Work,
+    sites: Annotated[Sequence[int], {"metavar": ("PLAIN", "CLUTTERED"), "nargs": 2}] = (60, 20),
+    frames: int = FRAMES,
+    out: Out = Path("detector_goals.csv"),
+) -> None:
+    """
+    Parameters
+    ----------
+    models : names, model files or run folders
+    work : working folder for frames, about 1 GB
+    sites : number of sites of each set (default: 60 20)
+    frames : frames per LiDAR, at most 5 (default: 3)
+    """
+    networks, names = dict[str, Network](), dict[str, str]()
+    for model in models:
         digest = checkpoint.digest(model_file(model))
-        models[digest] = fused(checkpoint.load(model_file(model)).network())
+        networks[digest] = fused(checkpoint.load(model_file(model)).network())
         names[digest] = model.stem if model.stem != "last" else model.parent.name
-    words = f"detector_goals {' '.join(map(str, args.models))}"
-    words += f" --sites {args.sites[0]} {args.sites[1]} --frames {args.frames}"
+    words = f"detector_goals {' '.join(map(str, models))}"
+    words += f" --sites {sites[0]} {sites[1]} --frames {frames}"
     tables = []
-    for name, count in zip(("plain", "cluttered"), args.sites, strict=True):
+    for name, count in zip(("plain", "cluttered"), sites, strict=True):
         for number in range(count):
-            run_site(name, number, models, args.frames, args.work)
+            run_site(name, number, networks, frames, work)
         files = {
             (digest, past): [
-                matches_file(args.work, name, number, digest, args.frames, with_past=past)
+                matches_file(work, name, number, digest, frames, with_past=past)
                 for number in range(count)
             ]
-            for digest, network in models.items()
+            for digest, network in networks.items()
             for past in ways_of(network)
         }
         tables.append(pd.DataFrame(rows(name, files, names)))
     table = pd.concat(tables).assign(seed=1, **provenance(words))
-    table.to_csv(args.out, index=False, float_format="%.4g")
+    table.to_csv(out, index=False, float_format="%.4g")
     print(table.iloc[:, :-4].to_string(index=False))
-
-
-if __name__ == "__main__":
-    main()

@@ -9,7 +9,6 @@ scenes, and of four LiDARs of 16 lines that are fused at a crossroad. Run it on 
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -32,7 +31,8 @@ from pyinfra.models.detectors.ground_adapter import OnRoad
 from pyinfra.models.detectors.network import one_thread
 from pyinfra.models.inference import detect
 from pyinfra.models.onnx.detector import OnnxDetector
-from reproduction import add_out, provenance, work_folder
+from reproduction import provenance
+from reproduction.arguments import Out, Work, command
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -147,20 +147,18 @@ def simulated(scene: str, lidar: str, work: Path) -> Path:
     return out / FUSED / lidar if is_fused else out / lidar
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=work_folder, required=True, help="working folder for frames")
-    add_out(parser, "detector_latency.csv")
-    args = parser.parse_args()
+@command
+def main(*, work: Work, out: Out = Path("detector_latency.csv")) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for frames
+    """
     torch.set_grad_enabled(False)
     pairs = [(scene, lidar) for scene in SCENES for lidar in LIDARS]
     for scene, lidar in [*pairs, (FUSED_SCENE, FUSED_LIDAR)]:
-        rows = pd.DataFrame(rows_of(simulated(scene, lidar, args.work)))
+        rows = pd.DataFrame(rows_of(simulated(scene, lidar, work)))
         table = rows.assign(scene=scene, lidar=lidar, **provenance("detector_latency"))
-        store.put(args.out, table[[*KEY, *(c for c in table if c not in KEY)]], KEY)
+        store.put(out, table[[*KEY, *(c for c in table if c not in KEY)]], KEY)
         whole = table[table.part == ALL].set_index(["engine", "threads"]).ms_p50
         print(scene, lidar, whole.to_dict(), flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -11,7 +11,6 @@ size of the written files.
 
 from __future__ import annotations
 
-import argparse
 import os
 import subprocess
 import sys
@@ -32,7 +31,8 @@ from pyinfra.exchange.formats import EXPORTS, IMPORTS
 from pyinfra.exchange.imports import import_recording
 from pyinfra.exchange.rates import size_of
 from pyinfra.exchange.recording import Options
-from reproduction import ROOT, add_out, provenance
+from reproduction import ROOT, provenance
+from reproduction.arguments import Out, command
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -91,18 +91,18 @@ def row(way: str, name: str, lidar: str, frames: int, out: Path, seconds: float)
     }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_out(parser, "exchange.csv")
-    parser.add_argument(
-        "--frames", type=int, default=100, help="number of frames per LiDAR (default: %(default)s)"
-    )
-    args = parser.parse_args()
+@command
+def main(*, out: Out = Path("exchange.csv"), frames: int = 100) -> None:
+    """
+    Parameters
+    ----------
+    frames : number of frames per LiDAR (default: %(default)s)
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        simulate(folder / "data", args.frames)
+        simulate(folder / "data", frames)
         warm_up(folder)
         table = pd.DataFrame(list(rows(folder / "data", folder / "out")))
     described = table.assign(seed=1, **provenance("exchange"))
-    described.to_csv(args.out, index=False, float_format="%.4g")
+    described.to_csv(out, index=False, float_format="%.4g")
     print(table.to_string(index=False, float_format="%.4g"))

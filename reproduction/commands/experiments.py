@@ -21,24 +21,24 @@ the work.
 
 from __future__ import annotations
 
-import argparse
 import itertools
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import get_args
+from typing import Annotated
 
 import pandas as pd
 
 from pyinfra.core.files import held, replacing
-from pyinfra.core.vocabulary import PRESETS, SUBSETS, LabelTime, Preset, Tier
+from pyinfra.core.vocabulary import SUBSETS, LabelTime, Preset, Tier
 from pyinfra.dataset import split
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store
 from pyinfra.experiments.stress import lidar as lidar_keys
-from reproduction import add_out, add_work, provenance, shared_frames
+from reproduction import provenance, shared_frames
+from reproduction.arguments import Out, Work, command
 from reproduction.measures import rows_of_test
 from reproduction.train_detector import train_detector
 
@@ -255,65 +255,49 @@ def fill(trained: Trained, work: Path, out: Path) -> None:
         store.fill(work / "locks" / trained.name, lambda: trained.is_done(out), run)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_work(parser, gigabytes=3)
-    add_out(parser, "experiments.csv")
-    parser.add_argument("--scenes", nargs="+", default=["highway", "crossroad", "curve"])
-    parser.add_argument("--presets", nargs="+", choices=PRESETS, default=["paper", "datasheet"])
-    parser.add_argument("--setups", nargs="+", choices=SETUPS, default=list(MAIN))
-    parser.add_argument("--label-times", nargs="+", choices=get_args(LabelTime), default=["scan"])
-    parser.add_argument(
-        "--cut-angles",
-        nargs="+",
-        type=int,
-        default=[0],
-        metavar="DEGREES",
-        help="angles by which the cut angles of spinning LiDARs are turned left in the tests",
-    )
-    parser.add_argument(
-        "--training-cut-angles",
-        nargs="+",
-        type=int,
-        default=[0],
-        metavar="DEGREES",
-        help="as --cut-angles, of the frames of the training",
-    )
-    parser.add_argument(
-        "--law-exponents",
-        nargs="+",
-        type=float,
-        choices=LAW_EXPONENTS,
-        default=[LAW_EXPONENTS[0]],
-        help="of LiDARs of which only one range is published (default: that of the catalogue)",
-    )
-    parser.add_argument(
-        "--lidars",
-        nargs="+",
-        choices=LIDARS,
-        default=list(LIDARS),
-        help="LiDARs to measure; the frames always have all of them",
-    )
-    parser.add_argument("--replicates", type=int, default=3, help="default: %(default)s")
-    parser.add_argument(
-        "--only", nargs="+", type=int, metavar="N", help="replicates (default: 1 to --replicates)"
-    )
-    args = parser.parse_args()
-    numbers = args.only or range(1, args.replicates + 1)
+@command
+def main(
+    *,
+    work: Work,
+    out: Out = Path("experiments.csv"),
+    scenes: Sequence[str] = ("highway", "crossroad", "curve"),
+    presets: Sequence[Preset] = ("paper", "datasheet"),
+    setups: Annotated[Sequence[str], {"choices": SETUPS}] = MAIN,
+    label_times: Sequence[LabelTime] = ("scan",),
+    cut_angles: Annotated[Sequence[int], {"metavar": "DEGREES"}] = (0,),
+    training_cut_angles: Annotated[Sequence[int], {"metavar": "DEGREES"}] = (0,),
+    law_exponents: Annotated[Sequence[float], {"choices": LAW_EXPONENTS}] = (LAW_EXPONENTS[0],),
+    lidars: Annotated[Sequence[str], {"choices": LIDARS}] = LIDARS,
+    replicates: int = 3,
+    only: Annotated[Sequence[int] | None, {"metavar": "N"}] = None,
+) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for frames, about 3 GB
+    cut_angles : angles by which the cut angles of spinning LiDARs are turned left in the tests
+    training_cut_angles : as --cut-angles, of the frames of the training
+    law_exponents : of LiDARs of which only one range is published (default: that of the
+        catalogue)
+    lidars : LiDARs to measure; the frames always have all of them
+    replicates : default: %(default)s
+    only : replicates (default: 1 to --replicates)
+    """
+    numbers = only or range(1, replicates + 1)
     for scene, label_time, number, preset, exponent in itertools.product(
-        args.scenes, args.label_times, numbers, args.presets, args.law_exponents
+        scenes, label_times, numbers, presets, law_exponents
     ):
         replicate = Replicate(scene, preset, label_time, number, exponent)
         detectors = [
-            Trained(setup, replicate, lidar, tuple(args.cut_angles), angle)
+            Trained(setup, replicate, lidar, tuple(cut_angles), angle)
             for lidar, setup, angle in itertools.product(
-                replicate.named(args.lidars), args.setups, args.training_cut_angles
+                replicate.named(lidars), setups, training_cut_angles
             )
             if lidar in SPINNING or angle == 0
         ]
         for trained in detectors:
-            fill(trained, args.work, args.out)
-        if not all(trained.is_done(args.out) for trained in detectors):
+            fill(trained, work, out)
+        if not all(trained.is_done(out) for trained in detectors):
             continue  # another process still uses the frames
-        made = (args.work / "data").glob(f"{replicate.name}_*")
-        shared_frames.remove(args.work, replicate.name, made)
+        made = (work / "data").glob(f"{replicate.name}_*")
+        shared_frames.remove(work, replicate.name, made)

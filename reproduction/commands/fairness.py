@@ -12,16 +12,17 @@ same weights are not computed again.
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import shutil
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 import pandas as pd
 
 from pyinfra.experiments import store
-from reproduction import add_out, add_work, provenance
+from reproduction import provenance
+from reproduction.arguments import Out, Work, command
 from reproduction.commands import generalist
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
@@ -36,49 +37,42 @@ KEY = ["site", "seed", "lidar", "preset", "arm", "start"]
 COLUMNS = [*KEY, "steps", "train_cpu_s", "ap_r1000", "objects"]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("models", nargs="+", type=Path, help="run folders, model files or names")
-    add_work(parser, gigabytes=1)
-    parser.add_argument(
-        "--scenes",
-        nargs="+",
-        default=list(generalist.SCENES),
-        help="names of the scenes (default: all three)",
-    )
-    parser.add_argument(
-        "--lidars",
-        nargs="+",
-        default=list(LIDARS),
-        help="names of the LiDARs (default: " + " ".join(LIDARS) + ")",
-    )
-    parser.add_argument(
-        "--seeds", type=int, nargs="+", default=[1], help="traffic seeds (default: 1)"
-    )
-    parser.add_argument(
-        "--presets",
-        nargs="+",
-        default=["datasheet"],
-        help="presets of the LiDARs (default: datasheet)",
-    )
-    add_out(parser, "fairness.csv")
-    args = parser.parse_args()
-    for seed, scene, lidar, preset in itertools.product(
-        args.seeds, args.scenes, args.lidars, args.presets
-    ):
+@command
+def main(
+    models: Sequence[Path],
+    *,
+    work: Work,
+    scenes: Sequence[str] = tuple(generalist.SCENES),
+    lidars: Sequence[str] = tuple(LIDARS),
+    seeds: Sequence[int] = (1,),
+    presets: Sequence[str] = ("datasheet",),
+    out: Out = Path("fairness.csv"),
+) -> None:
+    """
+    Parameters
+    ----------
+    models : run folders, model files or names
+    work : working folder for frames, about 1 GB
+    scenes : names of the scenes (default: all three)
+    lidars : names of the LiDARs (default: helios_16 livox_avia pandar_64 ruby_plus livox_horizon
+        hesai_ot128)
+    seeds : traffic seeds (default: 1)
+    presets : presets of the LiDARs (default: datasheet)
+    """
+    for seed, scene, lidar, preset in itertools.product(seeds, scenes, lidars, presets):
         experiment = generalist.Experiment(scene, seed, lidar, preset)
         folder = None
-        for model, arm in itertools.product(args.models, ARMS):
+        for model, arm in itertools.product(models, ARMS):
             wanted = {**asdict(experiment), "arm": arm, "start": generalist.start_of(arm, model)}
-            if store.has(store.read(args.out, KEY), wanted):
+            if store.has(store.read(out, KEY), wanted):
                 continue
-            folder = folder or generalist.simulated(experiment, args.work)
+            folder = folder or generalist.simulated(experiment, work)
             record = {**generalist.row(folder, arm, model), **wanted}
             row = {name: record[name] for name in COLUMNS}
             words = f"fairness {model} --scenes {scene} --lidars {lidar} --seeds {seed}"
             words += "" if preset == "datasheet" else f" --presets {preset}"
             columns = {"model": model.stem, **row, **provenance(words)}
-            store.put(args.out, pd.DataFrame([columns]), KEY)
+            store.put(out, pd.DataFrame([columns]), KEY)
             print(model.stem, *(row[name] for name in (*KEY[:5], "ap_r1000")), flush=True)
             for made in folder.parent.glob(f"{folder.name}_*"):
                 shutil.rmtree(made)

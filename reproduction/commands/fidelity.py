@@ -7,7 +7,6 @@ The command writes fidelity.csv, aggregation.csv, beam.csv, fidelity_parts.csv a
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time
 from pathlib import Path
@@ -18,7 +17,8 @@ import pandas as pd
 import yaml
 
 from pyinfra.dataset import simulation
-from reproduction import RECORDED, ROOT, add_out, provenance
+from reproduction import RECORDED, ROOT, provenance
+from reproduction.arguments import Out, command
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -186,26 +186,23 @@ def aggregation_picture(file: Path, number: int = 300) -> None:
     figure.savefig(file, dpi=90)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--frames",
-        type=int,
-        default=100,
-        help="number of frames, evenly spaced over the run (default: %(default)s)",
-    )
-    add_out(parser)
-    args = parser.parse_args()
-    frames = range(0, 5000, 5000 // args.frames)
-    recorded = args.out.resolve() == RECORDED
-    pictures = ROOT / "docs" / "pictures" if recorded else args.out
+@command
+def main(*, frames: int = 100, out: Out = Path()) -> None:
+    """
+    Parameters
+    ----------
+    frames : number of frames, evenly spaced over the run (default: %(default)s)
+    """
+    numbers = range(0, 5000, 5000 // frames)
+    recorded = out.resolve() == RECORDED
+    pictures = ROOT / "docs" / "pictures" if recorded else out
     aggregation_picture(pictures / "aggregation.png")
-    made_by = provenance(f"fidelity --frames {args.frames}")
+    made_by = provenance(f"fidelity --frames {frames}")
     for name, table in (
-        ("fidelity", points_ladder("detail", DETAILS, frames, "equal")),
-        ("fidelity_parts", points_ladder("parts", PART_MODELS, frames, "datasheet")),
-        ("aggregation", aggregation_table(frames, "equal")),
-        ("beam", beam_table(frames)),
+        ("fidelity", points_ladder("detail", DETAILS, numbers, "equal")),
+        ("fidelity_parts", points_ladder("parts", PART_MODELS, numbers, "datasheet")),
+        ("aggregation", aggregation_table(numbers, "equal")),
+        ("beam", beam_table(numbers)),
     ):
         print(f"\n{name}\n{table.to_string(index=False)}")
-        table.assign(seed=1, **made_by).to_csv(args.out / f"{name}.csv", index=False)
+        table.assign(seed=1, **made_by).to_csv(out / f"{name}.csv", index=False)

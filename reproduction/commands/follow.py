@@ -10,7 +10,6 @@ cloud to its line, dropped frames, and the memory of the process.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -24,7 +23,8 @@ import numpy as np
 import pandas as pd
 
 import pyinfra as pi
-from reproduction import add_out, add_work, provenance
+from reproduction import provenance
+from reproduction.arguments import Out, Work, command
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -34,33 +34,41 @@ INTERVAL_MIN = 10.0
 LONGEST_START_S = 120.0  # until the first line
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_work(parser, gigabytes=1)
-    parser.add_argument("--minutes", type=float, default=60.0, help="minutes (default: 60)")
-    parser.add_argument("--scene", default="highway", help="scene (default: highway)")
-    parser.add_argument("--lidar", default="helios_16", help="LiDAR (default: helios_16)")
-    parser.add_argument("--threads", type=int, default=1, help="of the detector (default: 1)")
-    add_out(parser, "follow.csv")
-    args = parser.parse_args()
-    frames = pi.simulate(pi.load_scene(args.scene, seed=1), args.lidar, range(FRAMES))
+@command
+def main(
+    *,
+    work: Work,
+    minutes: float = 60.0,
+    scene: str = "highway",
+    lidar: str = "helios_16",
+    threads: int = 1,
+    out: Out = Path("follow.csv"),
+) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for frames, about 1 GB
+    minutes : minutes (default: 60)
+    scene : scene (default: highway)
+    lidar : LiDAR (default: helios_16)
+    threads : of the detector (default: 1)
+    """
+    frames = pi.simulate(pi.load_scene(scene, seed=1), lidar, range(FRAMES))
     clouds = [frame.points[:, :4].astype("<f4").tobytes() for frame in frames]
-    outline = args.work / "outline.yaml"
+    outline = work / "outline.yaml"
     height_m = frames.lidar.T_world_levelled.z
-    folder = args.work / "clouds"
+    folder = work / "clouds"
     folder.mkdir(exist_ok=True)
     for old in folder.glob("*.bin"):
         old.unlink()
     pi.propose_region(frames, outline)
     words = ["detect", str(folder), "--follow", "--height-m", f"{height_m:g}"]
-    words += ["--region", str(outline), "--threads", str(args.threads), "--idle-s", "30"]
-    rows = list(followed(words, folder, clouds, frames.period_s, args.minutes))
-    options = f"--scene {args.scene} --lidar {args.lidar} --threads {args.threads}"
-    origin = provenance(f"follow --work WORK --minutes {args.minutes:g} {options}")
-    table = pd.DataFrame(rows).assign(
-        scene=args.scene, lidar=args.lidar, threads=args.threads, **origin
-    )
-    table.to_csv(args.out, index=False)
+    words += ["--region", str(outline), "--threads", str(threads), "--idle-s", "30"]
+    rows = list(followed(words, folder, clouds, frames.period_s, minutes))
+    options = f"--scene {scene} --lidar {lidar} --threads {threads}"
+    origin = provenance(f"follow --work WORK --minutes {minutes:g} {options}")
+    table = pd.DataFrame(rows).assign(scene=scene, lidar=lidar, threads=threads, **origin)
+    table.to_csv(out, index=False)
     print(table.iloc[:, :10].to_string(index=False))
 
 
@@ -124,7 +132,3 @@ def memory_mb(pid: int) -> float:
     """Returns the resident memory of a process."""
     status = Path(f"/proc/{pid}/status").read_text()
     return float(status.split("VmRSS:")[1].split()[0]) / 1024
-
-
-if __name__ == "__main__":
-    main()

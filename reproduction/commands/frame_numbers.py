@@ -10,7 +10,6 @@ out/frame_numbers.csv:
 
 from __future__ import annotations
 
-import argparse
 import subprocess
 import tempfile
 from pathlib import Path
@@ -18,7 +17,8 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.core.vocabulary import VEHICLE_TYPES
-from reproduction import ROOT, add_out, provenance
+from reproduction import ROOT, provenance
+from reproduction.arguments import Out, command
 
 SCENES = ("highway", "crossroad", "curve")
 FRAMES = "0:600:15"
@@ -64,21 +64,21 @@ def compared(before: pd.DataFrame, now: pd.DataFrame) -> pd.DataFrame:
     ).reset_index()
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--against", type=Path, required=True, help="checkout of an earlier version"
-    )
-    parser.add_argument("--seeds", type=int, default=2, help="number of traffic seeds; default: 2")
-    add_out(parser, "frame_numbers.csv")
-    args = parser.parse_args()
-    lidars = sorted(catalogue(args.against.resolve()) & catalogue(ROOT))
+@command
+def main(*, against: Path, seeds: int = 2, out: Out = Path("frame_numbers.csv")) -> None:
+    """
+    Parameters
+    ----------
+    against : checkout of an earlier version
+    seeds : number of traffic seeds; default: 2
+    """
+    lidars = sorted(catalogue(against.resolve()) & catalogue(ROOT))
     tables = []
-    for seed in range(1, args.seeds + 1):
+    for seed in range(1, seeds + 1):
         for scene in SCENES:
-            before = objects(args.against.resolve(), scene, lidars, seed)
+            before = objects(against.resolve(), scene, lidars, seed)
             tables.append(compared(before, objects(ROOT, scene, lidars, seed)).assign(seed=seed))
             print(scene, seed, flush=True)
-    command = f"frame_numbers --seeds {args.seeds} --against CHECKOUT"
+    command = f"frame_numbers --seeds {seeds} --against CHECKOUT"
     table = pd.concat(tables).assign(preset="datasheet", **provenance(command))
-    table.to_csv(args.out, index=False, float_format="%.5g")
+    table.to_csv(out, index=False, float_format="%.5g")

@@ -18,12 +18,12 @@ computed. Existing rows of the same initial weights (column `start`) are not com
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
@@ -51,7 +51,8 @@ from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
 from pyinfra.scenes.generator import random_stream
 from pyinfra.scenes.generator.generate import make_site
-from reproduction import ROOT, add_out, add_work
+from reproduction import ROOT
+from reproduction.arguments import Out, Work, command
 from reproduction.commands.frozen_sites import HELD_OUT
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
@@ -194,30 +195,30 @@ def start_of(arm: str, model: Path) -> str:
     return "random" if arm == "site_trained" else checkpoint.digest(detect.model_file(model))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_work(parser, gigabytes=1)
-    parser.add_argument(
-        "--model",
-        type=Path,
-        default=Path("generalist"),
-        help="run folder, model file or name of the pretrained detector (default: %(default)s)",
-    )
-    add_out(parser, "generalist.csv")
-    parser.add_argument(
-        "--sites", type=int, default=13, help="number of generated sites (default: 13)"
-    )
-    parser.add_argument("--seeds", type=int, default=3, help="traffic seeds per site (default: 3)")
-    parser.add_argument(
-        "--arms", nargs="+", choices=ARMS, default=list(ARMS), help="arms to test (default: all)"
-    )
-    parser.add_argument(
-        "--paper", action="store_true", help="run the experiments of the first trial"
-    )
-    args = parser.parse_args()
-    chosen = experiments_of_trial(args.seeds) if args.paper else experiments(args.sites, args.seeds)
-    words = f"generalist --model {args.model} --seeds {args.seeds}"
-    words += " --paper" if args.paper else f" --sites {args.sites}"
+@command
+def main(
+    *,
+    work: Work,
+    model: Path = Path("generalist"),
+    out: Out = Path("generalist.csv"),
+    sites: int = 13,
+    seeds: int = 3,
+    arms: Annotated[Sequence[str], {"choices": ARMS}] = tuple(ARMS),
+    paper: bool = False,
+) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for frames, about 1 GB
+    model : run folder, model file or name of the pretrained detector (default: %(default)s)
+    sites : number of generated sites (default: 13)
+    seeds : traffic seeds per site (default: 3)
+    arms : arms to test (default: all)
+    paper : run the experiments of the first trial
+    """
+    chosen = experiments_of_trial(seeds) if paper else experiments(sites, seeds)
+    words = f"generalist --model {model} --seeds {seeds}"
+    words += " --paper" if paper else f" --sites {sites}"
     provenance = {
         "commit": __version__,
         "machine": machine(),
@@ -225,18 +226,18 @@ def main() -> None:
     }
     for experiment in chosen:
         key = asdict(experiment)
-        table = store.read(args.out, [*KEY, "start"])
-        starts = {arm: start_of(arm, args.model) for arm in args.arms}
+        table = store.read(out, [*KEY, "start"])
+        starts = {arm: start_of(arm, model) for arm in arms}
         wanted = {arm: {**key, "arm": arm, "start": start} for arm, start in starts.items()}
-        arms = [arm for arm, values in wanted.items() if not store.has(table, values)]
-        if not arms:
+        left = [arm for arm, values in wanted.items() if not store.has(table, values)]
+        if not left:
             continue
-        folder = simulated(experiment, args.work)
+        folder = simulated(experiment, work)
         if not shows_vehicles(folder):
             print(experiment.name, "shows no vehicle: left out", flush=True)
-            arms = []
-        for arm in arms:
-            record = {**wanted[arm], **row(folder, arm, args.model), **provenance}
-            store.put(args.out, pd.DataFrame([record]), KEY)
+            left = []
+        for arm in left:
+            record = {**wanted[arm], **row(folder, arm, model), **provenance}
+            store.put(out, pd.DataFrame([record]), KEY)
             print(*(record[name] for name in (*KEY, "ap_r1000", "train_cpu_s")), flush=True)
         shutil.rmtree(folder.parent)

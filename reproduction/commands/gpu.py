@@ -12,19 +12,18 @@ On a CPU all values have the tier `quick`:
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from statistics import median
-from typing import Literal, get_args
+from typing import Annotated, Literal
 
 import pandas as pd
 import torch
@@ -44,7 +43,8 @@ from pyinfra.models.training.recipe import Precision, Recipe, read_recipe
 from pyinfra.models.training.samples import Frames
 from pyinfra.models.training.sources import on_road, read_source
 from pyinfra.models.training.validation import average_precision
-from reproduction import ROOT, add_out, add_work, provenance
+from reproduction import ROOT, provenance
+from reproduction.arguments import Out, Work, command
 from reproduction.tables.gpu import AP_STEPS, DETECTORS
 
 Part = Literal["batches", "rates", "latency", "ap", "settings"]
@@ -352,43 +352,46 @@ def simulated(work: Path) -> Path:
     return data / LIDAR
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_work(parser, gigabytes=1)
-    add_out(parser, "gpu.csv")
-    parser.add_argument(
-        "--device", default="cuda" if torch.cuda.is_available() else "cpu", help="default: a GPU"
-    )
-    parser.add_argument(
-        "--detectors", nargs="+", choices=DETECTORS, default=list(DETECTORS), help="default: all"
-    )
-    parser.add_argument(
-        "--parts", nargs="+", choices=get_args(Part), default=list(MEASURES), help="default: all"
-    )
-    parser.add_argument(
-        "--seconds", type=float, default=360, help="longest time of all measurements"
-    )
-    parser.add_argument("--alone", action="store_true", help="measure one detector in this process")
-    args = parser.parse_args()
-    started, device = time.monotonic(), device_of(args.device)
-    folder = simulated(args.work)
-    if args.alone:
-        bench = Bench(args.detectors[0], device, folder, args.out, 6.0)
-        measure(bench, tuple(args.parts))
+@command
+def main(
+    *,
+    work: Work,
+    out: Out = Path("gpu.csv"),
+    device: str = "cuda" if torch.cuda.is_available() else "cpu",
+    detectors: Annotated[Sequence[str], {"choices": DETECTORS}] = tuple(DETECTORS),
+    parts: Sequence[Part] = tuple(MEASURES),
+    seconds: float = 360,
+    alone: bool = False,
+) -> int:
+    """
+    Parameters
+    ----------
+    work : working folder for frames, about 1 GB
+    device : default: a GPU
+    detectors : default: all
+    parts : default: all
+    seconds : longest time of all measurements
+    alone : measure one detector in this process
+    """
+    started, chosen_device = time.monotonic(), device_of(device)
+    folder = simulated(work)
+    if alone:
+        bench = Bench(detectors[0], chosen_device, folder, out, 6.0)
+        measure(bench, tuple(parts))
         return 0
-    limited = device.type == "cuda"  # a CPU needs more time, and is not lent
-    for detector, parts, longest in TASKS:
-        chosen = [part for part in parts if part in args.parts]
-        left = args.seconds - (time.monotonic() - started)
-        if not chosen or detector not in args.detectors or (limited and left < 15):
+    limited = chosen_device.type == "cuda"  # a CPU needs more time, and is not lent
+    for detector, parts_of_task, longest in TASKS:
+        chosen = [part for part in parts_of_task if part in parts]
+        left = seconds - (time.monotonic() - started)
+        if not chosen or detector not in detectors or (limited and left < 15):
             continue
-        if device.type == "cpu" and chosen == ["settings"]:
+        if chosen_device.type == "cpu" and chosen == ["settings"]:
             continue
-        words = ["--work", args.work, "--out", args.out, "--device", args.device]
-        command = [sys.executable, "-m", "reproduction", "gpu", "--alone", *map(str, words)]
+        words = ["--work", work, "--out", out, "--device", device]
+        line = [sys.executable, "-m", "reproduction", "gpu", "--alone", *map(str, words)]
         try:
             subprocess.run(
-                [*command, "--detectors", detector, "--parts", *chosen],
+                [*line, "--detectors", detector, "--parts", *chosen],
                 check=False,
                 timeout=min(longest, left) if limited else None,
             )

@@ -11,10 +11,11 @@ output as they are made; existing rows are kept, and several processes can share
 
 from __future__ import annotations
 
-import argparse
 import itertools
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 import pandas as pd
 
@@ -25,7 +26,8 @@ from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store
 from pyinfra.models.training.accumulation import Accumulation
-from reproduction import add_out, add_seeds, add_work, provenance
+from reproduction import provenance
+from reproduction.arguments import Out, Work, command
 from reproduction.commands.experiments import TRAIN_SEEDS_FROM
 from reproduction.measures import rows_of_test
 from reproduction.train_detector import train_detector
@@ -100,15 +102,22 @@ def fill(experiment: Experiment, stack: Accumulation, work: Path, out: Path) -> 
     store.fill(work / "locks" / experiment.name, lambda: experiment.is_done(out), run)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_work(parser, gigabytes=10)
-    add_out(parser, "integration.csv")
-    add_seeds(parser)
-    parser.add_argument("--speeds", nargs="+", type=int, default=SPEEDS_KM_H, metavar="KM_H")
-    parser.add_argument("--lidars", nargs="+", choices=LIDARS, default=LIDARS)
-    args = parser.parse_args()
-    experiments = itertools.product(args.speeds, args.lidars, STACKS, args.seeds)
+@command
+def main(
+    *,
+    work: Work,
+    out: Out = Path("integration.csv"),
+    seeds: Sequence[int] = (1, 2, 3),
+    speeds: Annotated[Sequence[int], {"metavar": "KM_H"}] = SPEEDS_KM_H,
+    lidars: Annotated[Sequence[str], {"choices": LIDARS}] = LIDARS,
+) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for frames, about 10 GB
+    seeds : traffic seeds; a seed also seeds the training (default: 1 2 3)
+    """
+    experiments = itertools.product(speeds, lidars, STACKS, seeds)
     for speed, lidar, stack, seed in experiments:
         experiment = Experiment(speed, lidar, stack.frames, stack.label_at, seed)
-        fill(experiment, stack, args.work, args.out)
+        fill(experiment, stack, work, out)

@@ -12,12 +12,12 @@ are not computed again, and several processes can share the work.
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import resource
 import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Annotated, Any
 
 import pandas as pd
 
@@ -32,7 +32,8 @@ from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import evaluated
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
-from reproduction import add_out, add_seeds, add_work, provenance
+from reproduction import provenance
+from reproduction.arguments import Out, Work, command
 from reproduction.report.ladder import SETTINGS
 from reproduction.train_detector import train_detector
 
@@ -117,67 +118,59 @@ def row(folder: Path, detector: str, seed: int) -> dict[str, object]:
     }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_work(parser, gigabytes=2)
-    add_out(parser, "ladder.csv")
-    add_seeds(parser)
-    parser.add_argument(
-        "--preset", default="datasheet", help="preset of the LiDARs (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--detector",
-        default="background",
-        help="name of a file in configs/detectors (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--lidars",
-        nargs="+",
-        default=LIDARS,
-        help="names of the LiDARs (default: the four of the study)",
-    )
-    parser.add_argument(
-        "--settings",
-        nargs="+",
-        choices=SETTINGS,
-        default=list(SETTINGS),
-        help="settings to vary (default: all)",
-    )
-    parser.add_argument(
-        "--frames",
-        default=DEFAULT["frames"],
-        help="number of frames of the default model, a divisor of 5,000 (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--values", nargs="+", help="values of the settings to measure (default: all)"
-    )
-    args = parser.parse_args()
-    wanted = models(args.settings, args.frames, args.values)
-    for model, seed in itertools.product(wanted, args.seeds):
-        fill(model, seed, args)
+@command
+def main(
+    *,
+    work: Work,
+    out: Out = Path("ladder.csv"),
+    seeds: Sequence[int] = (1, 2, 3),
+    preset: str = "datasheet",
+    detector: str = "background",
+    lidars: Sequence[str] = LIDARS,
+    settings: Annotated[Sequence[str], {"choices": SETTINGS}] = tuple(SETTINGS),
+    frames: str = DEFAULT["frames"],
+    values: Sequence[str] | None = None,
+) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for frames, about 2 GB
+    seeds : traffic seeds; a seed also seeds the training (default: 1 2 3)
+    preset : preset of the LiDARs (default: %(default)s)
+    detector : name of a file in configs/detectors (default: %(default)s)
+    lidars : names of the LiDARs (default: the four of the study)
+    settings : settings to vary (default: all)
+    frames : number of frames of the default model, a divisor of 5,000 (default: %(default)s)
+    values : values of the settings to measure (default: all)
+    """
+    for model, seed in itertools.product(models(settings, frames, values), seeds):
+        words = f"ladder --preset {preset} --detector {detector} --seeds {seed}"
+        words += f" --frames {frames} --lidars {' '.join(lidars)}"
+        shared = {**model, "detector": detector, "preset": preset, "seed": seed}
+        fill(shared, lidars, words, work, out)
 
 
-def fill(model: dict[str, str], seed: int, args: argparse.Namespace) -> None:
-    """Adds the rows of one model and seed, unless another process is computing them."""
-    shared = {**model, "detector": args.detector, "preset": args.preset, "seed": seed}
+def fill(shared: dict[str, Any], lidars: Sequence[str], words: str, work: Path, out: Path) -> None:
+    """Adds the rows of one model and seed, unless another process is computing them.
+
+    shared: columns of all rows; words: those of the command that makes the rows
+    """
     name = "_".join(map(str, shared.values())).replace(":", "-")
-    folder = args.work / name
+    folder, detector, seed = work / name, shared["detector"], shared["seed"]
 
     def is_done() -> bool:
-        wanted = [{**shared, "lidar": lidar} for lidar in args.lidars]
-        return all(store.has_each(store.read(args.out, list(DEFAULT)), wanted))
+        wanted = [{**shared, "lidar": lidar} for lidar in lidars]
+        return all(store.has_each(store.read(out, list(DEFAULT)), wanted))
 
     def run() -> None:
-        words = f"ladder --preset {args.preset} --detector {args.detector} --seeds {seed}"
-        words += f" --frames {args.frames} --lidars {' '.join(args.lidars)}"
-        ms = simulated(model, args.preset, seed, args.lidars, folder)
+        ms = simulated(shared, shared["preset"], seed, lidars, folder)
         columns = {"ms_per_frame_set": ms, **provenance(words)}
         rows = pd.DataFrame(
-            {**shared, "lidar": lidar, **row(folder / lidar, args.detector, seed), **columns}
-            for lidar in args.lidars
+            {**shared, "lidar": lidar, **row(folder / lidar, detector, seed), **columns}
+            for lidar in lidars
         )
-        store.put(args.out, rows[[*KEY, *(c for c in rows if c not in KEY)]], KEY)
+        store.put(out, rows[[*KEY, *(c for c in rows if c not in KEY)]], KEY)
         print(name, *rows.ap_r1000.round(1), flush=True)
         shutil.rmtree(folder)
 
-    store.fill(args.work / "locks" / name, is_done, run)
+    store.fill(work / "locks" / name, is_done, run)

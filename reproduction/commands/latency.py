@@ -9,14 +9,17 @@ the time from points to boxes. Run the command on an idle machine:
 
 from __future__ import annotations
 
-import argparse
 import itertools
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
 
 import pandas as pd
 
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark.measure import timed_alone
-from reproduction import add_out, add_work, provenance, shared_frames
+from reproduction import provenance, shared_frames
+from reproduction.arguments import Out, Work, command
 from reproduction.commands.experiments import (
     SETUPS,
     TEST_FRAMES,
@@ -33,25 +36,29 @@ REPLICATE = Replicate("highway", "paper", "scan", 1)
 KEY = ["scene", "preset", "lidar", "detector", "judge"]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_work(parser, gigabytes=3)
-    add_out(parser, "latency.csv")
-    parser.add_argument(
-        "--setups", nargs="+", choices=SETUPS, default=list(SETUPS), help="default: all"
-    )
-    parser.add_argument(
-        "--lidars", nargs="+", choices=LIDARS, default=list(LIDARS), help="default: all"
-    )
-    args = parser.parse_args()
-    with shared_frames.in_use(args.work, REPLICATE.name):
-        test = simulated(REPLICATE, REPLICATE.test_seeds[0], TEST_FRAMES, args.work)
-        for setup, lidar in itertools.product(args.setups, args.lidars):
+@command
+def main(
+    *,
+    work: Work,
+    out: Out = Path("latency.csv"),
+    setups: Annotated[Sequence[str], {"choices": SETUPS}] = tuple(SETUPS),
+    lidars: Annotated[Sequence[str], {"choices": LIDARS}] = tuple(LIDARS),
+) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for frames, about 3 GB
+    setups : default: all
+    lidars : default: all
+    """
+    with shared_frames.in_use(work, REPLICATE.name):
+        test = simulated(REPLICATE, REPLICATE.test_seeds[0], TEST_FRAMES, work)
+        for setup, lidar in itertools.product(setups, lidars):
             trained = Trained(setup, REPLICATE, lidar)
-            model, _ = model_of(trained, args.work)
+            model, _ = model_of(trained, work)
             columns, load = timed_alone(model, test / lidar, "cpu", every=2)
             row = pd.DataFrame([{**trained.key, **columns}])[[*KEY, *columns]]
             made_by = provenance(f"latency --setups {setup}")
             columns_of_row = {key: made_by[key] for key in ("frames_version", "command")}
-            store.put(args.out, row.assign(**columns_of_row), KEY)
+            store.put(out, row.assign(**columns_of_row), KEY)
             print(trained.name, columns["latency_p50_ms"], "ms;", load.text, flush=True)

@@ -8,7 +8,6 @@ without the suppression in the graph. The detector runs with PyTorch on one thre
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
 from collections.abc import Iterator
@@ -41,7 +40,8 @@ from pyinfra.models.inference import detect
 from pyinfra.models.inference.onnx import export
 from pyinfra.models.onnx.detector import session_of
 from pyinfra.models.training import checkpoint
-from reproduction import add_out, add_work, provenance
+from reproduction import provenance
+from reproduction.arguments import Out, Work, command
 
 FRAMES = "0:5000:20"
 
@@ -132,22 +132,20 @@ def simulated(lidar: str, work: Path) -> Path:
     return out / lidar
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_work(parser, gigabytes=1)
-    add_out(parser, "onnx_files.csv")
-    args = parser.parse_args()
+@command
+def main(*, work: Work, out: Out = Path("onnx_files.csv")) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for frames, about 1 GB
+    """
     torch.set_grad_enabled(False)
     for name, lidar in PAIRS:
-        folder, run = simulated(lidar, args.work), args.work / f"{name}_{lidar}"
+        folder, run = simulated(lidar, work), work / f"{name}_{lidar}"
         with torch.enable_grad():
             pi.train(name, folder, work=run)
         rows = pd.DataFrame(rows_of(run, folder)).assign(
             scene="highway", lidar=lidar, detector=name, **provenance("onnx_files")
         )
-        store.put(args.out, rows[[*KEY, *(c for c in rows if c not in KEY)]], KEY)
+        store.put(out, rows[[*KEY, *(c for c in rows if c not in KEY)]], KEY)
         print(name, lidar, rows[["engine", "ap_r1000", "ms_p50"]].values.tolist(), flush=True)
-
-
-if __name__ == "__main__":
-    main()

@@ -12,7 +12,6 @@ at which the median is at least 5 points:
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -22,7 +21,8 @@ import pandas as pd
 
 from pyinfra.dataset import simulation
 from pyinfra.dataset.lidars import catalogue_files, presets_of
-from reproduction import add_out, provenance
+from reproduction import provenance
+from reproduction.arguments import Out, command
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -114,12 +114,10 @@ def reach(table: pd.DataFrame) -> dict[str, float]:
     return {name: (enough[enough["class"] == name].from_m + BIN_M).max() for name in SIZES}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_out(parser, "people.csv")
-    args = parser.parse_args()
+@command
+def main(*, out: Out = Path("people.csv")) -> None:
     files = catalogue_files()
     with tempfile.TemporaryDirectory() as work:
         table = pd.concat(measured(write_scene(Path(work)), files))
     table = table.assign(preset="datasheet", seed=1, **provenance("people"))
-    table.to_csv(args.out, index=False, float_format="%.4g")
+    table.to_csv(out, index=False, float_format="%.4g")

@@ -13,16 +13,17 @@ seconds of each pilot; `detector_goals` measures them:
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any
 
 import pandas as pd
 
 from pyinfra.models.training.generated_sites import read_stream
 from pyinfra.models.training.recipe import Recipe, read_recipe
 from pyinfra.models.training.train import train
-from reproduction import ROOT, add_work
+from reproduction import ROOT
+from reproduction.arguments import Work, command
 
 STREAM = ROOT / "configs/streams/generalist_v4.yaml"
 RECIPE = ROOT / "configs/detectors/generalist_v4.yaml"
@@ -41,18 +42,25 @@ def recipe_of(arm: str, steps: int) -> Recipe:
     return replace(recipe, network=network, learning=replace(recipe.learning, steps=steps))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_work(parser, gigabytes=1)
-    parser.add_argument("--steps", type=int, default=400, help="steps of a pilot (default: 400)")
-    parser.add_argument("--seeds", type=int, nargs="+", default=[1], help="seeds (default: 1)")
-    parser.add_argument(
-        "--arms", nargs="+", choices=ARMS, default=["single", "past"], help="pilots to train"
-    )
-    args = parser.parse_args()
-    for seed in args.seeds:
-        for arm in args.arms:
-            recipe, run = recipe_of(arm, args.steps), args.work / f"{arm}_{seed}"
+@command
+def main(
+    *,
+    work: Work,
+    steps: int = 400,
+    seeds: Sequence[int] = (1,),
+    arms: Annotated[Sequence[str], {"choices": ARMS}] = ("single", "past"),
+) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for frames, about 1 GB
+    steps : steps of a pilot (default: 400)
+    seeds : seeds (default: 1)
+    arms : pilots to train
+    """
+    for seed in seeds:
+        for arm in arms:
+            recipe, run = recipe_of(arm, steps), work / f"{arm}_{seed}"
             stream = read_stream(STREAM, recipe.classes, recipe.past_s)
             train(recipe, stream, run, seed=seed, quiet=True)
             cpu_s = pd.read_csv(run / "log.csv").cpu_seconds.sum()

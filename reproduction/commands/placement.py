@@ -19,7 +19,6 @@ NAME_order.csv, and NAME_summary.csv with 95 % intervals over sites.
 
 from __future__ import annotations
 
-import argparse
 import warnings
 from collections.abc import Sequence
 from itertools import combinations, product
@@ -37,7 +36,8 @@ from pyinfra.experiments.planner.detectability import CUT, read_detectability
 from pyinfra.experiments.planner.lidars import open_lidars
 from pyinfra.experiments.planner.plan import plan
 from pyinfra.metrics.comparison import over_replicates
-from reproduction import add_out, provenance, work_folder
+from reproduction import provenance
+from reproduction.arguments import Out, Work, command
 from reproduction.detectability.runs import (
     CHECK_POSES,
     FIRST_CHECK_SITE,
@@ -241,39 +241,42 @@ def summary_row(
     }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=work_folder, required=True, help="folder of the runs")
-    parser.add_argument(
-        "check", type=Path, help="check of the detectability: results/detectability.csv"
-    )
-    parser.add_argument("--sites", type=int, default=6, help="sites of `order`; default: 6")
-    parser.add_argument("--unit-sites", type=int, default=12, help="sites of `units`; default: 12")
-    parser.add_argument("--frames", type=int, default=30, help="frames of a run; default: 30")
-    add_out(parser, "placement.csv")
-    args = parser.parse_args()
+@command
+def main(
+    check: Path,
+    *,
+    work: Work,
+    sites: int = 6,
+    unit_sites: int = 12,
+    frames: int = 30,
+    out: Out = Path("placement.csv"),
+) -> None:
+    """
+    Parameters
+    ----------
+    work : folder of the runs
+    check : check of the detectability: results/detectability.csv
+    sites : sites of `order`; default: 6
+    unit_sites : sites of `units`; default: 12
+    frames : frames of a run; default: 30
+    """
     warnings.simplefilter("ignore")
-    args.work.mkdir(parents=True, exist_ok=True)
-    sites = f"--sites {args.sites} --unit-sites {args.unit_sites}"
-    made_by = provenance(f"placement {args.check} {sites} --frames {args.frames}")
-    checked = pd.read_csv(args.check)
-    numbers = {str(args.check): number_of(checked, str(args.check))}
+    words = f"placement {check} --sites {sites} --unit-sites {unit_sites} --frames {frames}"
+    made_by = provenance(words)
+    checked = pd.read_csv(check)
+    numbers = {str(check): number_of(checked, str(check))}
     common_number({**numbers, "the simulator's frames": int(str(made_by["frames_version"]))})
-    for number in range(args.unit_sites):
+    for number in range(unit_sites):
         try:
-            units_rows(number, args.frames, args.work, args.out, made_by)
+            units_rows(number, frames, work, out, made_by)
         except Error as error:
             print(f"site {FIRST_CHECK_SITE + number}: left out: {error}", flush=True)
-    order = order_table(args.sites, args.frames, args.work)
+    order = order_table(sites, frames, work)
     summary = [
         *place_rows(checked),
         *order_rows(order),
-        *units_summary(rows_store.read(args.out)),
+        *units_summary(rows_store.read(out)),
     ]
     for suffix, table in (("_order", order), ("_summary", pd.DataFrame(summary))):
-        file = args.out.with_name(f"{args.out.stem}{suffix}.csv")
+        file = out.with_name(f"{out.stem}{suffix}.csv")
         table.assign(**made_by).to_csv(file, index=False, float_format="%.4g")
-
-
-if __name__ == "__main__":
-    main()

@@ -16,18 +16,20 @@ Its rows are the output of `pyinfra compare` under the ground-truth subsets `pre
 
 from __future__ import annotations
 
-import argparse
 import re
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 import pandas as pd
 
 from pyinfra.dataset.catalogue import lidar_file
 from pyinfra.dataset.runs import infrasim
 from pyinfra.metrics.places import compare_places
-from reproduction import ROOT, add_out, add_work, provenance
+from reproduction import ROOT, provenance
+from reproduction.arguments import Out, Work, command
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -79,33 +81,34 @@ def evaluate(lidar: str, run: str, seed: int, work: Path) -> None:
             pyinfra("evaluate", gt, predictions, *of, "--out", out)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_work(parser, gigabytes=5)
-    add_out(parser, "places.csv")
-    parser.add_argument(
-        "--lidars",
-        nargs="+",
-        choices=LIDARS,
-        default=LIDARS,
-        help="names of the LiDARs (default: all)",
-    )
-    args = parser.parse_args()
-    args.work.mkdir(parents=True, exist_ok=True)
+@command
+def main(
+    *,
+    work: Work,
+    out: Out = Path("places.csv"),
+    lidars: Annotated[Sequence[str], {"choices": LIDARS}] = LIDARS,
+) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for frames, about 5 GB
+    lidars : names of the LiDARs (default: all)
+    """
     tables = []
-    for lidar in args.lidars:
+    for lidar in lidars:
         for run in RUNS:
             for seed in SEEDS:
-                evaluate(lidar, run, seed, args.work)
+                evaluate(lidar, run, seed, work)
                 print(lidar, run, seed, flush=True)
         for which in ("present", "all"):
             # Positions have different time blocks under `all`, so differences are not paired.
-            folders = [args.work / "out" / lidar / place for place in PLACES]
+            folders = [work / "out" / lidar / place for place in PLACES]
             groups = [folders] if which == "present" else [[folder] for folder in folders]
             for group in groups:
                 rows = compare_places(group, which)
                 names = {column: rows[column].map(lambda t: Path(t).name) for column in NAMES}
                 columns = {"lidar": lidar, "detector": "generalist", "ground_truth": which}
                 tables.append(pd.DataFrame(columns, index=rows.index).join(rows.assign(**names)))
-    columns = {"seed": " ".join(map(str, SEEDS)), **provenance(f"places --work {args.work.name}")}
-    pd.concat(tables).assign(**columns).to_csv(args.out, index=False, float_format="%.5g")
+    made_by = provenance(f"places --work {work.name}")
+    table = pd.concat(tables).assign(seed=" ".join(map(str, SEEDS)), **made_by)
+    table.to_csv(out, index=False, float_format="%.5g")

@@ -11,7 +11,6 @@ contain the mean and their half-widths. Run it again to resume. The full size is
 
 from __future__ import annotations
 
-import argparse
 import math
 import warnings
 from collections.abc import Iterator
@@ -29,7 +28,8 @@ from pyinfra.experiments.planner.plan import plan
 from pyinfra.experiments.planner.site import frame_order
 from pyinfra.experiments.planner.tables import units_at
 from pyinfra.metrics.comparison import over_replicates
-from reproduction import add_out, provenance, work_folder
+from reproduction import provenance
+from reproduction.arguments import Out, Work, command
 from reproduction.detectability.runs import scene_file_of
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
@@ -124,35 +124,42 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=work_folder, required=True, help="folder for sites")
-    parser.add_argument("--sites", type=int, default=20, help="sites; default: 20")
-    parser.add_argument("--seeds", type=int, default=10, help="traffic seeds; default: 10")
-    parser.add_argument("--frames", type=int, default=30, help="frames of a seed; default: 30")
-    parser.add_argument(
-        "--check-frames", type=int, default=30, help="frames of the plan's simulation; default: 30"
-    )
-    add_out(parser, "plan_coverage.csv")
-    args = parser.parse_args()
+@command
+def main(
+    *,
+    work: Work,
+    sites: int = 20,
+    seeds: int = 10,
+    frames: int = 30,
+    check_frames: int = 30,
+    out: Out = Path("plan_coverage.csv"),
+) -> None:
+    """
+    Parameters
+    ----------
+    work : folder for sites
+    sites : sites; default: 20
+    seeds : traffic seeds; default: 10
+    frames : frames of a seed; default: 30
+    check_frames : frames of the plan's simulation; default: 30
+    """
     warnings.simplefilter("ignore")
-    args.work.mkdir(parents=True, exist_ok=True)
-    sizes = f"--sites {args.sites} --seeds {args.seeds} --frames {args.frames}"
-    made_by = provenance(f"plan_coverage {sizes} --check-frames {args.check_frames}")
+    sizes = f"--sites {sites} --seeds {seeds} --frames {frames}"
+    made_by = provenance(f"plan_coverage {sizes} --check-frames {check_frames}")
     text = ["figure", "source", "lidar"]
-    for number in range(args.sites):
-        known = store.read(args.out, text)
+    for number in range(sites):
+        known = store.read(out, text)
         if not known.empty and (known.site == FIRST_SITE + number).any():
             continue
         try:
-            rows = list(rows_of(number, args.frames, args.check_frames, args.seeds, args.work))
+            rows = list(rows_of(number, frames, check_frames, seeds, work))
         except Error as error:  # no traffic in the region, or no free pose
             print(f"site {FIRST_SITE + number}: left out: {error}", flush=True)
             continue
-        store.put(args.out, pd.DataFrame(rows).assign(**made_by), KEY)
+        store.put(out, pd.DataFrame(rows).assign(**made_by), KEY)
         print(f"site {FIRST_SITE + number}: {len(rows)} rows", flush=True)
-    table = summary(store.read(args.out, text))
+    table = summary(store.read(out, text))
     table.assign(**made_by).to_csv(
-        args.out.with_name(f"{args.out.stem}_summary.csv"), index=False, float_format="%.4g"
+        out.with_name(f"{out.stem}_summary.csv"), index=False, float_format="%.4g"
     )
     print(table.round(1).to_string(index=False))

@@ -10,7 +10,6 @@ kept. Run the command again to resume.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -21,7 +20,8 @@ import pandas as pd
 from pyinfra.experiments import store
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.plan import Plan, plan
-from reproduction import add_out, provenance, work_folder
+from reproduction import provenance
+from reproduction.arguments import Out, Work, command
 from reproduction.detectability.runs import scene_file_of
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
@@ -120,21 +120,18 @@ def rows_of(
         }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--work", type=work_folder, required=True, help="folder for sites")
-    add_out(parser, "plans.csv")
-    args = parser.parse_args()
-    args.work.mkdir(parents=True, exist_ok=True)
+@command
+def main(*, work: Work, out: Out = Path("plans.csv")) -> None:
+    """
+    Parameters
+    ----------
+    work : folder for sites
+    """
     for question in QUESTIONS:
-        known = store.read(args.out, TEXT)
+        known = store.read(out, TEXT)
         if not known.empty and (known.question == question.question).any():
             continue
-        result, times = answered(question, args.work)
+        result, times = answered(question, work)
         table = pd.DataFrame(rows_of(question, result, times)).assign(**provenance("plans"))
-        store.put(args.out, table, KEY)
+        store.put(out, table, KEY)
         print(f"{question.question}: {times['cpu_s']:.0f} CPU s\n{result.text}\n", flush=True)
-
-
-if __name__ == "__main__":
-    main()

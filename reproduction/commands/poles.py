@@ -12,13 +12,12 @@ as it is computed. Existing rows are not computed again, and several processes c
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
@@ -40,7 +39,8 @@ from pyinfra.metrics.match_results import MatchResult, causes, count_matches
 from pyinfra.metrics.matching import IOU
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
-from reproduction import add_out, add_seeds, add_work, provenance, shared_frames
+from reproduction import provenance, shared_frames
+from reproduction.arguments import Out, Work, command
 from reproduction.train_detector import train_detector
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
@@ -79,6 +79,7 @@ class Error:
 
 NONE = Error()
 ERRORS = (NONE, Error(clock_ms=20), Error(clock_ms=50), Error(yaw_deg=0.2), Error(yaw_deg=0.5))
+ERROR_NAMES = [error.name for error in ERRORS]
 
 
 def simulated(lidar: str, poles: int, seed: int, work: Path, error: Error | None = None) -> Path:
@@ -224,42 +225,34 @@ def fill(experiment: Experiment, work: Path, out: Path) -> None:
         store.fill(work / "locks" / name, lambda: experiment.is_done(out), run)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_work(parser, gigabytes=10)
-    add_out(parser, "poles.csv")
-    add_seeds(parser)
-    parser.add_argument(
-        "--lidars",
-        nargs="+",
-        choices=LIDARS,
-        default=LIDARS[:3],
-        help="names of the LiDARs (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--detectors",
-        nargs="+",
-        choices=DETECTORS,
-        default=DETECTORS,
-        help="detectors to test (default: all)",
-    )
-    parser.add_argument(
-        "--errors",
-        nargs="+",
-        choices=[error.name for error in ERRORS],
-        default=[error.name for error in ERRORS],
-        help="errors of clocks and poses with several poles (default: all)",
-    )
-    args = parser.parse_args()
-    errors = [error for error in ERRORS if error.name in args.errors]
-    for seed, lidar in itertools.product(args.seeds, args.lidars):
+@command
+def main(
+    *,
+    work: Work,
+    out: Out = Path("poles.csv"),
+    seeds: Sequence[int] = (1, 2, 3),
+    lidars: Annotated[Sequence[str], {"choices": LIDARS}] = LIDARS[:3],
+    detectors: Annotated[Sequence[str], {"choices": DETECTORS}] = DETECTORS,
+    errors: Annotated[Sequence[str], {"choices": ERROR_NAMES}] = ERROR_NAMES,
+) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for frames, about 10 GB
+    seeds : traffic seeds; a seed also seeds the training (default: 1 2 3)
+    lidars : names of the LiDARs (default: %(default)s)
+    detectors : detectors to test (default: all)
+    errors : errors of clocks and poses with several poles (default: all)
+    """
+    chosen = [error for error in ERRORS if error.name in errors]
+    for seed, lidar in itertools.product(seeds, lidars):
         experiments = [
             Experiment(lidar, poles, detector, error, seed)
-            for detector, poles, error in itertools.product(args.detectors, MOUNTS, errors)
+            for detector, poles, error in itertools.product(detectors, MOUNTS, chosen)
             if poles > 1 or error == NONE
         ]
         for experiment in experiments:
-            fill(experiment, args.work, args.out)
-        if all(experiment.is_done(args.out) for experiment in experiments):
-            made = args.work.glob(f"{lidar}_*_{seed}_*/")
-            shared_frames.remove(args.work, f"{lidar}_{seed}", made)
+            fill(experiment, work, out)
+        if all(experiment.is_done(out) for experiment in experiments):
+            made = work.glob(f"{lidar}_*_{seed}_*/")
+            shared_frames.remove(work, f"{lidar}_{seed}", made)

@@ -11,17 +11,18 @@ The command writes out/rungs.csv, a row for each rung, LiDAR, distance and seed:
 
 from __future__ import annotations
 
-import argparse
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import pandas as pd
 import yaml
 
 from pyinfra.core.vocabulary import OBJECT_NAMES, VEHICLE_TYPES
 from pyinfra.dataset import simulation
-from reproduction import ROOT, add_out, provenance
+from reproduction import ROOT, provenance
+from reproduction.arguments import Out, command
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -118,7 +119,7 @@ def compared(rung: str, lidar: str, default: pd.DataFrame, now: pd.DataFrame) ->
     return table.reset_index().assign(rung=rung, lidar=lidar)
 
 
-def measured(seed: int, rungs: list[str]) -> pd.DataFrame:
+def measured(seed: int, rungs: Sequence[str]) -> pd.DataFrame:
     """Returns the table of one traffic seed."""
     worlds = {
         scene: simulation.load_scene(
@@ -142,12 +143,19 @@ def measured(seed: int, rungs: list[str]) -> pd.DataFrame:
     return pd.concat(tables).assign(seed=seed)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=5, help="number of traffic seeds; default: 5")
-    parser.add_argument("--rungs", nargs="+", choices=list(RUNGS), help="default: all")
-    add_out(parser, "rungs.csv")
-    args = parser.parse_args()
-    tables = [measured(seed, args.rungs or list(RUNGS)) for seed in range(1, args.seeds + 1)]
+@command
+def main(
+    *,
+    seeds: int = 5,
+    rungs: Annotated[Sequence[str] | None, {"choices": list(RUNGS)}] = None,
+    out: Out = Path("rungs.csv"),
+) -> None:
+    """
+    Parameters
+    ----------
+    seeds : number of traffic seeds; default: 5
+    rungs : default: all
+    """
+    tables = [measured(seed, rungs or list(RUNGS)) for seed in range(1, seeds + 1)]
     table = pd.concat(tables).assign(preset="datasheet", **provenance("rungs"))
-    table.to_csv(args.out, index=False, float_format="%.5g")
+    table.to_csv(out, index=False, float_format="%.5g")

@@ -10,10 +10,11 @@ rung, LiDAR, detector and seed:
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 import pandas as pd
 
@@ -26,7 +27,8 @@ from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import evaluated
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
-from reproduction import add_out, add_seeds, add_work, provenance
+from reproduction import provenance
+from reproduction.arguments import Out, Work, command
 from reproduction.commands.rungs import FOUR, RUNGS, changed_file
 from reproduction.train_detector import train_detector
 
@@ -62,19 +64,25 @@ def average_precision(folder: Path, detector: str, seed: int) -> float:
     return float(row.ap_r1000)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_work(parser, gigabytes=1)
-    add_out(parser, "rungs_ap.csv")
-    add_seeds(parser)
-    parser.add_argument(
-        "--rungs", nargs="+", choices=list(RUNGS), default=["one ray"], help="default: one ray"
-    )
-    args = parser.parse_args()
+@command
+def main(
+    *,
+    work: Work,
+    out: Out = Path("rungs_ap.csv"),
+    seeds: Sequence[int] = (1, 2, 3),
+    rungs: Annotated[Sequence[str], {"choices": list(RUNGS)}] = ("one ray",),
+) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for frames, about 1 GB
+    seeds : traffic seeds; a seed also seeds the training (default: 1 2 3)
+    rungs : default: one ray
+    """
     rows: list[dict[str, object]] = []
-    for seed in args.seeds:
-        for rung in ["default", *args.rungs]:
-            folder = args.work / f"{rung.replace(' ', '_')}_{seed}"
+    for seed in seeds:
+        for rung in ["default", *rungs]:
+            folder = work / f"{rung.replace(' ', '_')}_{seed}"
             simulated(rung, seed, folder)
             for lidar in FOUR:
                 for detector in DETECTORS:
@@ -84,4 +92,4 @@ def main() -> None:
                     print(*keys.values(), f"{ap:.1f}", flush=True)
             shutil.rmtree(folder)
             table = pd.DataFrame(rows).assign(preset="datasheet", **provenance("rungs_ap"))
-            table.to_csv(args.out, index=False, float_format="%.4f")
+            table.to_csv(out, index=False, float_format="%.4f")

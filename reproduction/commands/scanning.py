@@ -10,7 +10,6 @@ the seeds, with Student's 95 % interval over the seeds. It writes results/scanni
 
 from __future__ import annotations
 
-import argparse
 import re
 import shutil
 from collections.abc import Iterator, Sequence
@@ -24,7 +23,8 @@ from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.runs import infrasim
 from pyinfra.metrics.comparison import over_replicates
-from reproduction import add_out, add_work, provenance
+from reproduction import provenance
+from reproduction.arguments import Out, Work, command
 from reproduction.claims.scanning import AVIA, SPINNING, Row, claims_of, columns_of, never
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
@@ -65,20 +65,26 @@ def over_seeds(per_seed: Sequence[Sequence[Row]]) -> Iterator[Row]:
         yield replace(rows[0], statement=statement, rule=rule, **ends)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_work(parser, gigabytes=2)
-    add_out(parser, "scanning_claims.csv")
-    parser.add_argument(
-        "--seeds", nargs="+", type=int, default=[1, 2, 3], help="traffic seeds; default: 1 2 3"
-    )
-    parser.add_argument("--frames", default=FRAMES, help="frames to simulate; default: %(default)s")
-    args = parser.parse_args()
-    command = f"scanning --seeds {' '.join(map(str, args.seeds))} --frames {args.frames}"
+@command
+def main(
+    *,
+    work: Work,
+    out: Out = Path("scanning_claims.csv"),
+    seeds: Sequence[int] = (1, 2, 3),
+    frames: str = FRAMES,
+) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for frames, about 2 GB
+    seeds : traffic seeds; default: 1 2 3
+    frames : frames to simulate; default: %(default)s
+    """
+    command = f"scanning --seeds {' '.join(map(str, seeds))} --frames {frames}"
     tables = []
     for preset in PRESETS:
-        per_seed = [rows_of_seed(preset, seed, args.frames, args.work) for seed in args.seeds]
+        per_seed = [rows_of_seed(preset, seed, frames, work) for seed in seeds]
         rows = [{"preset": preset, **columns_of(row)} for row in over_seeds(per_seed)]
-        tables.append(pd.DataFrame(rows).assign(seeds=len(args.seeds), **provenance(command)))
+        tables.append(pd.DataFrame(rows).assign(seeds=len(seeds), **provenance(command)))
         print(tables[-1][["preset", "claim", "value", "low", "high", "verdict"]].to_string())
-    pd.concat(tables).to_csv(args.out, index=False, float_format="%.4g")
+    pd.concat(tables).to_csv(out, index=False, float_format="%.4g")

@@ -9,12 +9,11 @@ as it is computed. Existing rows are computed again only with --again.
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,7 +21,8 @@ import pandas as pd
 import yaml
 
 from pyinfra.scenes.maps.sumo import sumo_folder
-from reproduction import ROOT, add_out, provenance, work_folder
+from reproduction import ROOT, provenance
+from reproduction.arguments import Out, Work, command
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -123,30 +123,35 @@ def maps_of(towns: Path | None, work: Path) -> Iterator[tuple[str, Path]]:
         yield from ((town.lower(), towns / f"{town}.xodr") for town in TOWNS)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "--work", type=work_folder, required=True, help="working folder for sites and frames"
-    )
-    parser.add_argument("--towns", type=Path, help=f"folder with {', '.join(TOWNS)} (.xodr)")
-    parser.add_argument("--sites", nargs="+", help="run only these sites")
-    parser.add_argument(
-        "--again", action="store_true", help="measure sites again that the table already has"
-    )
-    add_out(parser, "sites.csv")
-    args = parser.parse_args()
+@command
+def main(
+    *,
+    work: Work,
+    towns: Path | None = None,
+    sites: Sequence[str] | None = None,
+    again: bool = False,
+    out: Out = Path("sites.csv"),
+) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for sites and frames
+    towns : folder with Town04, Town05, Town10HD (.xodr)
+    sites : run only these sites
+    again : measure sites again that the table already has
+    """
     made_by = {"preset": PRESET, "seed": SEED, **provenance("sites"), "command": COMMAND}
-    table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame({"site": []})
-    for name, map_ in maps_of(args.towns, args.work.resolve()):
-        wanted = not args.sites or name in args.sites
-        if not wanted or (name in set(table.site) and not args.again):
+    table = pd.read_csv(out) if out.exists() else pd.DataFrame({"site": []})
+    for name, map_ in maps_of(towns, work.resolve()):
+        wanted = not sites or name in sites
+        if not wanted or (name in set(table.site) and not again):
             continue
         try:
-            rows = list(measured(name, map_, args.work.resolve()))
+            rows = list(measured(name, map_, work.resolve()))
         except RuntimeError as error:
             print(f"{name}: {error}")
             continue
         new = pd.DataFrame(rows).assign(**made_by)
         table = pd.concat([table[table.site != name], new], ignore_index=True)
-        table.to_csv(args.out, index=False, float_format="%.4g")
+        table.to_csv(out, index=False, float_format="%.4g")
         print(new.T.to_string(header=False), flush=True)

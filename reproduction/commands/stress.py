@@ -11,11 +11,12 @@ are not computed again, and several processes can share the work.
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import shutil
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 from pyinfra.core.files import held
 from pyinfra.dataset.catalogue import lidar_file, scene_file
@@ -25,7 +26,8 @@ from pyinfra.experiments.benchmark.frames import split_by_time
 from pyinfra.experiments.benchmark.matrix import Parts
 from pyinfra.experiments.stress.runner import stress
 from pyinfra.formats.csv_table import read_csv
-from reproduction import add_out, add_seeds, add_work, provenance
+from reproduction import provenance
+from reproduction.arguments import Out, Work, command
 from reproduction.train_detector import train_detector
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
@@ -106,18 +108,20 @@ def fill(experiment: Experiment, work: Path, out: Path) -> None:
     store.fill(work / "locks" / experiment.name, lambda: experiment.is_done(out), run)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_work(parser, gigabytes=2)
-    add_out(parser, "stress_seeds.csv")
-    add_seeds(parser)
-    parser.add_argument(
-        "--setups",
-        nargs="+",
-        choices=SETUPS,
-        default=SETUPS,
-        help="detectors and their trainings (default: all)",
-    )
-    args = parser.parse_args()
-    for seed, setup, lidar in itertools.product(args.seeds, args.setups, LIDARS):
-        fill(Experiment(lidar, setup, seed), args.work, args.out)
+@command
+def main(
+    *,
+    work: Work,
+    out: Out = Path("stress_seeds.csv"),
+    seeds: Sequence[int] = (1, 2, 3),
+    setups: Annotated[Sequence[str], {"choices": SETUPS}] = SETUPS,
+) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for frames, about 2 GB
+    seeds : traffic seeds; a seed also seeds the training (default: 1 2 3)
+    setups : detectors and their trainings (default: all)
+    """
+    for seed, setup, lidar in itertools.product(seeds, setups, LIDARS):
+        fill(Experiment(lidar, setup, seed), work, out)

@@ -11,13 +11,13 @@ writes out/tracks.csv with one row per run for the boxes of the detector, and on
 
 from __future__ import annotations
 
-import argparse
 import subprocess
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
@@ -31,7 +31,8 @@ from pyinfra.tracking.evaluation import compare_with, true_objects
 from pyinfra.tracking.lines import lines_of
 from pyinfra.tracking.tracker import Tracker
 from pyinfra.tracking.tracks import boxes_of, view_of
-from reproduction import ROOT, add_out, add_seeds, add_work, provenance
+from reproduction import ROOT, provenance
+from reproduction.arguments import Out, Work, command
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -142,32 +143,39 @@ def time_per_frame(objects: int = OBJECTS) -> float:
     return float(np.median(times[10:]))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_work(parser, gigabytes=5)
-    parser.add_argument("--scenes", nargs="+", choices=(*SCENES, POLES), default=SCENES)
-    parser.add_argument("--lidars", nargs="+", choices=LIDARS, default=LIDARS)
-    add_seeds(parser)
-    add_out(parser, "tracks.csv")
-    args = parser.parse_args()
+@command
+def main(
+    *,
+    work: Work,
+    scenes: Annotated[Sequence[str], {"choices": (*SCENES, POLES)}] = SCENES,
+    lidars: Annotated[Sequence[str], {"choices": LIDARS}] = LIDARS,
+    seeds: Sequence[int] = (1, 2, 3),
+    out: Out = Path("tracks.csv"),
+) -> None:
+    """
+    Parameters
+    ----------
+    work : working folder for frames, about 5 GB
+    seeds : traffic seeds; a seed also seeds the training (default: 1 2 3)
+    """
     warnings.filterwarnings("ignore", message="generalist: learnt from frames")
     hundred_ms = round(time_per_frame(), 2)
     records = []
-    for scene in args.scenes:
-        for lidar in (POLES_LIDAR,) if scene == POLES else args.lidars:
-            for seed in args.seeds:
+    for scene in scenes:
+        for lidar in (POLES_LIDAR,) if scene == POLES else lidars:
+            for seed in seeds:
                 records += [
                     row
                     | {"hundred_objects_ms": hundred_ms}
                     | provenance(f"tracks --work WORK --scenes {scene} --lidars {lidar}")
-                    for row in rows(scene, lidar, seed, args.work)
+                    for row in rows(scene, lidar, seed, work)
                 ]
                 print(pd.Series(records[-2])[["scene", "lidar", "seed", "hota", "never", "extra"]])
                 table = pd.DataFrame(records)
                 keys = ["scene", "lidar", "seed", "boxes"]
-                if args.out.is_file():
-                    other = pd.read_csv(args.out)
+                if out.is_file():
+                    other = pd.read_csv(out)
                     mine = table.set_index(keys).index
                     other = other[~other.set_index(keys).index.isin(mine)]
                     table = pd.concat([other, table], ignore_index=True)
-                table.to_csv(args.out, index=False)
+                table.to_csv(out, index=False)

@@ -9,10 +9,9 @@ It writes two rows per run to out/traffic.csv: before smoothing and after smooth
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,7 +25,8 @@ from pyinfra.scenes.maps.smoothing import unsmoothed
 from pyinfra.scenes.maps.traffic import cleaned, record
 from pyinfra.scenes.maps.traffic_demand import Demand
 from pyinfra.scenes.maps.traffic_figures import TrafficFigures, traffic_figures
-from reproduction import add_out, provenance
+from reproduction import provenance
+from reproduction.arguments import Out, command
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -75,43 +75,38 @@ def row(figures: TrafficFigures) -> dict[str, object]:
     }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("sites", type=Path, nargs="*", help="site folders of `pyinfra site import`")
-    parser.add_argument(
-        "--vehicles-per-hour",
-        type=float,
-        default=1500,
-        help="vehicles per hour (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--people-per-hour",
-        type=float,
-        default=300,
-        help="pedestrians per hour; the number of cyclists is the same (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--seconds",
-        type=float,
-        default=500,
-        help="duration of the traffic in seconds (default: %(default)s)",
-    )
-    add_out(parser, "traffic.csv")
-    args = parser.parse_args()
-    demand = Demand(args.vehicles_per_hour, args.people_per_hour, args.people_per_hour)
+@command
+def main(
+    sites: Sequence[Path] = (),
+    *,
+    vehicles_per_hour: float = 1500,
+    people_per_hour: float = 300,
+    seconds: float = 500,
+    out: Out = Path("traffic.csv"),
+) -> None:
+    """
+    Parameters
+    ----------
+    sites : site folders of `pyinfra site import`
+    vehicles_per_hour : vehicles per hour (default: %(default)s)
+    people_per_hour : pedestrians per hour; the number of cyclists is the same (default:
+        %(default)s)
+    seconds : duration of the traffic in seconds (default: %(default)s)
+    """
+    demand = Demand(vehicles_per_hour, people_per_hour, people_per_hour)
     with tempfile.TemporaryDirectory() as folder:
         crossing = Place("crossing", traffic_data.crossing(Path(folder)), np.array([[12.0, 12.0]]))
-        places = [crossing, *map(place_of, args.sites)]
+        places = [crossing, *map(place_of, sites)]
         records = [
             row for place in places for seed in SEEDS
-            for row in rows(place, demand, args.seconds, seed)
+            for row in rows(place, demand, seconds, seed)
         ]  # fmt: skip
     table = pd.DataFrame(records).assign(
         **provenance(
-            f"traffic {' '.join(map(str, args.sites))} --seconds {args.seconds:g} "
-            f"--vehicles-per-hour {args.vehicles_per_hour:g} "
-            f"--people-per-hour {args.people_per_hour:g}"
+            f"traffic {' '.join(map(str, sites))} --seconds {seconds:g} "
+            f"--vehicles-per-hour {vehicles_per_hour:g} "
+            f"--people-per-hour {people_per_hour:g}"
         )
     )
-    table.to_csv(args.out, index=False)
+    table.to_csv(out, index=False)
     print(table.drop(columns=["version", "machine", "command"]).to_string(index=False))

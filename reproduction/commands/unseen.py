@@ -17,8 +17,7 @@ each condition costs. The command writes out/unseen.csv:
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -41,7 +40,8 @@ from pyinfra.models.training import checkpoint
 from pyinfra.models.training.samples import SiteSample, lifted
 from pyinfra.scenes.generator.layout import Keys
 from pyinfra.scenes.generator.ranges import RANGES
-from reproduction import add_out, provenance
+from reproduction import provenance
+from reproduction.arguments import Out, command
 from reproduction.commands import frozen_sites
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
@@ -251,22 +251,28 @@ def tested(
             yield from ({"set": name, **row} for row in rows(as_known, names, kinds))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("models", nargs="+", type=Path, help="names, model files or run folders")
-    parser.add_argument("--sites", type=int, help="number of sites per set (default: all)")
-    parser.add_argument(
-        "--frames", type=int, default=5, help="frames per LiDAR, at most 5 (default: 5)"
-    )
-    add_out(parser, "unseen.csv")
-    args = parser.parse_args()
-    networks = [fused(checkpoint.load(model_file(model)).network()) for model in args.models]
-    names = [model.stem for model in args.models]
-    table = pd.DataFrame(tested(networks, names, args.sites, args.frames)).assign(
+@command
+def main(
+    models: Sequence[Path],
+    *,
+    sites: int | None = None,
+    frames: int = 5,
+    out: Out = Path("unseen.csv"),
+) -> None:
+    """
+    Parameters
+    ----------
+    models : names, model files or run folders
+    sites : number of sites per set (default: all)
+    frames : frames per LiDAR, at most 5 (default: 5)
+    """
+    networks = [fused(checkpoint.load(model_file(model)).network()) for model in models]
+    names = [model.stem for model in models]
+    table = pd.DataFrame(tested(networks, names, sites, frames)).assign(
         **provenance(
-            f"unseen {' '.join(map(str, args.models))} --frames {args.frames}"
-            + (f" --sites {args.sites}" if args.sites else "")
+            f"unseen {' '.join(map(str, models))} --frames {frames}"
+            + (f" --sites {sites}" if sites else "")
         )
     )
-    table.to_csv(args.out, index=False, float_format="%.4g")
+    table.to_csv(out, index=False, float_format="%.4g")
     print(table[table.sites == "all"].iloc[:, :-3].to_string(index=False))

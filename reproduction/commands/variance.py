@@ -23,7 +23,6 @@ negative; a mean below 0 counts as 0. The command writes results/variance.csv:
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -32,7 +31,8 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.experiments import store
-from reproduction import add_out, provenance
+from reproduction import provenance
+from reproduction.arguments import Out, command
 from reproduction.commands.experiments import TEXT, at_catalogue_law, at_own_cut_angle
 from reproduction.commands.verdicts import LEAST_REPLICATES, WIDE
 from reproduction.frames_number import number_of
@@ -109,15 +109,17 @@ def _row(
     return {**names, "sd": sd, "groups": len(known)}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("experiments", type=Path, help="table of `reproduction experiments`")
-    add_out(parser, "variance.csv")
-    args = parser.parse_args()
-    table = store.read(args.experiments, TEXT)
+@command
+def main(experiments: Path, *, out: Out = Path("variance.csv")) -> None:
+    """
+    Parameters
+    ----------
+    experiments : table of `reproduction experiments`
+    """
+    table = store.read(experiments, TEXT)
     rows = pd.DataFrame(components(table), columns=COLUMNS).dropna(subset="sd")
-    number = number_of(table, str(args.experiments))
-    rows.assign(**provenance(f"variance {args.experiments}", number)).to_csv(
-        args.out, index=False, float_format="%.4g"
+    number = number_of(table, str(experiments))
+    rows.assign(**provenance(f"variance {experiments}", number)).to_csv(
+        out, index=False, float_format="%.4g"
     )
     print(rows.to_string(index=False, float_format=lambda sd: f"{sd:.2f}"))

@@ -15,7 +15,6 @@ replicates may decide:
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 from collections.abc import Callable, Collection, Iterator
@@ -29,7 +28,8 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 from pyinfra.experiments import store
 from pyinfra.metrics.comparison import over_replicates
-from reproduction import add_out, provenance
+from reproduction import provenance
+from reproduction.arguments import Out, command
 from reproduction.claims.two_detectors import (
     CHEAPER,
     FAILS_ABOVE,
@@ -278,22 +278,24 @@ def decided(claim: Claim, means: pd.DataFrame) -> tuple[dict[str, object], pd.Se
     return row, values
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("experiments", type=Path, help="table of `reproduction experiments`")
-    add_out(parser, "claims.csv")
-    args = parser.parse_args()
-    table = store.read(args.experiments, TEXT)
+@command
+def main(experiments: Path, *, out: Out = Path("claims.csv")) -> None:
+    """
+    Parameters
+    ----------
+    experiments : table of `reproduction experiments`
+    """
+    table = store.read(experiments, TEXT)
     check_pairs(at_own_cut_angle(table))
     for line in missing(table):
         print(f"warning: {line}", file=sys.stderr)
-    number = number_of(table, str(args.experiments))
+    number = number_of(table, str(experiments))
     single = pd.DataFrame(claims(table))
     rows = pd.concat([single, pd.DataFrame(of_both(single))], ignore_index=True)
-    rows = rows.assign(**provenance(f"verdicts {args.experiments}", number))
+    rows = rows.assign(**provenance(f"verdicts {experiments}", number))
     first = ["claim", "primary", *GROUP, "lidar"]
     rows = rows.reindex(columns=[*first, *(name for name in rows if name not in first)])
-    rows.to_csv(args.out, index=False, float_format="%.5g")
+    rows.to_csv(out, index=False, float_format="%.5g")
     print(rows.drop(columns=["version", "machine", "command"]).to_string(index=False))
     for line in undecided(single):
         print(f"further replicates may decide: {line}")
