@@ -5,8 +5,6 @@ the type: a sequence takes one or more words, and a boolean is a flag. The entry
 is the help. `Annotated` adds keywords of argparse, such as `{"choices": LIDARS}`.
 """
 
-from __future__ import annotations
-
 import argparse
 import functools
 import inspect

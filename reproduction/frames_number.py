@@ -1,7 +1,5 @@
 """The number of the frames on which recorded tables rest (`frames_version`)."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from pyinfra.core.errors import Error

@@ -1,7 +1,5 @@
 """Measures of a detector on the frames of one LiDAR, for each ground-truth subset."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Frames in a working folder, which several experiments and processes use."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Trains a detector of configs/detectors on the frames of one LiDAR, as the study's commands do."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

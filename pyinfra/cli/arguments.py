@@ -1,7 +1,5 @@
 """Passes the options of a command to the function of the public API that it calls."""
 
-from __future__ import annotations
-
 import argparse
 import inspect
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """`pyinfra benchmark configs/benchmarks/NAME.yaml --tier TIER --out RESULTS`."""
 
-from __future__ import annotations
-
 import argparse
 import os
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scripts that complete the commands and options of `pyinfra` in a shell."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

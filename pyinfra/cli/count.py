@@ -1,7 +1,5 @@
 """`pyinfra count tracks.csv DATA/LIDAR --out DIR`."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`pyinfra demo --out DIR`."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import shlex

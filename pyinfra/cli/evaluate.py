@@ -1,7 +1,5 @@
 """`pyinfra evaluate DATA/LIDAR PRED --out DIR`."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """`pyinfra export DATA/LIDAR --to FORMAT --out DIR`."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from pathlib import Path

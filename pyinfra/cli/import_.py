@@ -1,7 +1,5 @@
 """`pyinfra import SOURCE --out DATA/LIDAR [--from FORMAT]`."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from pathlib import Path

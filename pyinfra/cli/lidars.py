@@ -1,7 +1,5 @@
 """`pyinfra lidars`: lists the LiDARs of the package, or LiDARs from files."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -1,7 +1,5 @@
 """Messages of a command on stderr. Names of arguments are replaced by names of options."""
 
-from __future__ import annotations
-
 import argparse
 import re
 import shlex

@@ -1,7 +1,5 @@
 """The suggested next command after a command. It is printed only if stdout is a terminal."""
 
-from __future__ import annotations
-
 import argparse
 import shlex
 import sys

@@ -1,7 +1,5 @@
 """`pyinfra onnx RUN --out FILE.onnx`."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The parser of `pyinfra`: one-line messages that suggest names, and renamed options."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """`pyinfra plan SITE --budget 9000 --find 0.9 --within 60 --out DIR`."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`pyinfra recommend RESULTS --budget 8000 --min-ap 85 --range 100`."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`pyinfra region DATA/LIDAR --out outline.yaml`: proposes an outline of the road."""
 
-from __future__ import annotations
-
 import argparse
 import warnings
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`pyinfra report RESULTS --out report.html`."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -4,8 +4,6 @@ The rules are in the section "Stress" of docs/conventions/detectors.md. They wer
 first stress test.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

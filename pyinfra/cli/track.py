@@ -1,7 +1,5 @@
 """`pyinfra track DATA/LIDAR [PRED] --out tracks.csv`."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from functools import partial

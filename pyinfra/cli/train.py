@@ -1,7 +1,5 @@
 """`pyinfra train CONFIG DATA/LIDAR... --tier TIER --out RUN`."""
 
-from __future__ import annotations
-
 import argparse
 import os
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """`pyinfra validate DATA/LIDAR [--pred DIR [--unlabelled]]`."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

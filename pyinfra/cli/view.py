@@ -1,7 +1,5 @@
 """`pyinfra view DATA --frames 0:50:5 --out view.html`: shows frames in 3-D."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

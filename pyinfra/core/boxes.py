@@ -4,8 +4,6 @@ A box is `x y z dx dy dz heading`: geometric centre, length, width, height, and 
 metres and radians. Functions that compare two sets of boxes expect both in the same frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

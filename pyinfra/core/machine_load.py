@@ -1,7 +1,5 @@
 """Measures the CPU load of other processes during a timing."""
 
-from __future__ import annotations
-
 import math
 import os
 import time

@@ -1,7 +1,5 @@
 """Finds files that the package ships by name. For an unknown name, suggests similar names."""
 
-from __future__ import annotations
-
 import difflib
 import os
 from collections.abc import Collection, Iterable

@@ -1,7 +1,5 @@
 """Progress of long loops: a bar on terminals and in notebooks, nothing otherwise."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterable, Iterator
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """Names used by several packages: presets, tiers, object classes, ground-truth subsets."""
 
-from __future__ import annotations
-
 from typing import Literal, get_args
 
 # Presets, that is, settings of a catalogue LiDAR. `datasheet` is closest to the real product.

@@ -1,7 +1,5 @@
 """Reads boxes from the objects in which detectors and users hold them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -5,8 +5,6 @@ Lines whose numbers do not follow their elevation are not judged, because a line
 then look at the sky.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, IntArray, Points, Records

@@ -4,8 +4,6 @@ Files are parsed in groups of a few hundred, which is about ten times as fast as
 group cannot be parsed, its files are read again one by one to find the file and line for the error.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn

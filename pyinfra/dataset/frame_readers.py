@@ -1,7 +1,5 @@
 """Reads the objects, labels or predictions of many frames into one table."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Lists the LiDARs and frames of a folder."""
 
-from __future__ import annotations
-
 import errno
 import re
 from pathlib import Path

@@ -3,8 +3,6 @@
 Frames with the same number have the same bytes for the same scene, LiDAR, preset and seed.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pyinfra.dataset.frames import data_set_of

@@ -5,8 +5,6 @@ converted back to the LiDAR frame. A network trained with a 5 m pole on level gr
 works with an 8 m pole and on a slope.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

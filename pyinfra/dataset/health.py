@@ -5,8 +5,6 @@ recording: number of points, points by line and by azimuth, the ground around th
 ranges by azimuth. A fault in more than half of these frames cannot be found in this way.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math

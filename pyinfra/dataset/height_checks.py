@@ -1,7 +1,5 @@
 """Checks a given sensor height against the road in the clouds."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 

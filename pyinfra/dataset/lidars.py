@@ -1,7 +1,5 @@
 """Summaries of LiDAR files: price, lines, field of view and range, resolved by the simulator."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

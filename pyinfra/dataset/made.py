@@ -3,8 +3,6 @@
 They are kept as the call that makes them, with the files that this process wrote for it.
 """
 
-from __future__ import annotations
-
 import copyreg
 from collections.abc import Callable
 from functools import partial, wraps

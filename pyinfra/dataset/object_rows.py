@@ -1,7 +1,5 @@
 """Converts the structured object rows of the simulator to tables of objects."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

@@ -4,8 +4,6 @@
 joined to the first. Without the file, the region covers all roads or lanes.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Files that this process writes for arguments in memory, and removes when it ends."""
 
-from __future__ import annotations
-
 import atexit
 import os
 import shutil

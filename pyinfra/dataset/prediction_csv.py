@@ -1,7 +1,5 @@
 """Reads predictions from CSV files with one line per box."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Reads a folder of predictions into a table."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Predictions of other tools have no `origin.yaml` and are not checked.
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Mapping

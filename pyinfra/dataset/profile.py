@@ -1,7 +1,5 @@
 """The vertical profile of a scene along one direction, as `dataset.yaml` stores it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ and last station s. If outlines restrict the region, the position must also lie 
 outlines. If no roads are known, a user's outline may define the region.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

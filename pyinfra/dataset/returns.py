@@ -1,7 +1,5 @@
 """Points from hits by a function of the user, for models of returns in Python."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Compares the roads of a data set with those of its scene."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -9,8 +9,6 @@ fall away from a line. If a crown fits much better than a plane, the result is t
 its two slopes.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

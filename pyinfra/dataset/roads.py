@@ -5,8 +5,6 @@ of a road or lane is 0 at its point nearest to the sensor. Lanes from a file hav
 points, one at each end.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Writes simulated frames to a LiDAR's folder, in the layout of `infrasim run`."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager

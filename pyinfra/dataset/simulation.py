@@ -1,7 +1,5 @@
 """Python interface of the simulator. Its frames equal those of the `infrasim` binary exactly."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial

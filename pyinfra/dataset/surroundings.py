@@ -1,7 +1,5 @@
 """The static surroundings of a sensor: roads with their lanes, and buildings."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Reads all objects of a data set at mid-frame, including those outside the LiDARs' range."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass

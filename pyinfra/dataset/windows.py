@@ -1,7 +1,5 @@
 """Windows: sections of the region whose detection quality is measured separately."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

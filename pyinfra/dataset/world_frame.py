@@ -1,7 +1,5 @@
 """Transforms between the world frame and the levelled frame of a LiDAR; rotations."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

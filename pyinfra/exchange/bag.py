@@ -4,8 +4,6 @@ A recording is one topic of clouds, sensor_msgs/PointCloud2 or Livox's CustomMsg
 topic with MarkerArray, Detection3DArray or BoundingBoxArray. The pose of the sensor comes from tf.
 """
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import weakref

@@ -9,8 +9,6 @@ Conventions of the makers, and of the LiDAR file, whose azimuth offset is clockw
     Livox      .csv with time, azimuth and zenith (degrees; the zenith is counted from the axis)
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -6,8 +6,6 @@ numbers. Values within a column are similar, and values of different columns are
 right number of columns explains most of the variance. An intensity is never negative.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

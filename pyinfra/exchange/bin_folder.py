@@ -1,7 +1,5 @@
 """Reads float32 .bin clouds. The first columns are x y z intensity."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pyinfra.exchange.bin_columns import columns_of

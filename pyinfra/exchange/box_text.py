@@ -3,8 +3,6 @@
 Lines may also end with id and visibility; -1 means that they are unknown.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

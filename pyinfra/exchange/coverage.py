@@ -1,7 +1,5 @@
 """Estimates the field of view of a LiDAR from its returns."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

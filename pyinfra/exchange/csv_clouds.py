@@ -4,8 +4,6 @@ Columns have names in the first line; without names, they are x y z and intensit
 those of CloudCompare, VeloView and Livox Viewer.
 """
 
-from __future__ import annotations
-
 import re
 import warnings
 from pathlib import Path

@@ -5,8 +5,6 @@ LiDAR*. According to the description, its x-y plane is parallel to the ground. I
 255.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ A recording has no scene, so roads.csv and trajectories.csv are missing. docs/ow
 what each command does in this case.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math

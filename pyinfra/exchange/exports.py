@@ -1,7 +1,5 @@
 """Exports frames of a LiDAR's folder to the formats of other tools."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

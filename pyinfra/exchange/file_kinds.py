@@ -1,7 +1,5 @@
 """Recognises files of other formats by their first bytes, and says what to do with them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -5,8 +5,6 @@ the empty folder `out`. A module that reads a format has a function `read(source
 returns a Recording.
 """
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Determines the times of a recording's frames, and finds errors of the recording's clock."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Guesses the format of a recording from the names of its folders and files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

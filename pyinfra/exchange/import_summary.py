@@ -1,7 +1,5 @@
 """Counts and findings of an import."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass, field
 

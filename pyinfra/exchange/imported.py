@@ -1,7 +1,5 @@
 """The frames of an imported recording, with what the import assumed and counted."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 

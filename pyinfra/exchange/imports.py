@@ -1,7 +1,5 @@
 """Imports a recording of another tool as a LiDAR's folder."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

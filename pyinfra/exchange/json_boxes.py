@@ -5,8 +5,6 @@ There is one file per cloud, with a list of objects. An object has `type`, `3d_d
 `occluded_state` and `track_id` are optional.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Copies frames of a LiDAR's folder to a data set folder, in the layout of `infrasim run`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -4,8 +4,6 @@ The module also reads a sequence of the tracking benchmark, whose format is desc
 of the benchmark's devkit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path

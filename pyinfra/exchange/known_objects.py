@@ -1,7 +1,5 @@
 """Ids and visibility of labels, from the `objects` that this package writes beside them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Finds the labels of a folder of clouds, and reads them: text, CSV, or JSON of several tools."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from hashlib import sha256

@@ -1,7 +1,5 @@
 """Reads clouds outside any data set, and detects properties that the files do not state."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path

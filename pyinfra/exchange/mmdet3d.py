@@ -5,8 +5,6 @@ of the bottom face. The format requires pickles as info files. The written pickl
 lists, dicts, numbers and texts. This package never reads a pickle.
 """
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Sequence
 from pathlib import Path

@@ -5,8 +5,6 @@ Names hold seconds since 1970 and a fraction, such as 1651673050.454284, 1651673
 nanoseconds become 54284855. The names of a recording together show this.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

@@ -19,8 +19,6 @@ The files follow the public description of the schema (docs/schema_nuscenes.md o
   names.
 """
 
-from __future__ import annotations
-
 import json
 import uuid
 from collections.abc import Callable, Iterator, Sequence

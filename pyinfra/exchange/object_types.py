@@ -1,7 +1,5 @@
 """Maps the class names of other tools to the types of this package."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

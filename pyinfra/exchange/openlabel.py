@@ -12,8 +12,6 @@
 - Attributes are `points_in_box` of the objects, and speed (m/s) and visibility if known.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path

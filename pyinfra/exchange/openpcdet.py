@@ -4,8 +4,6 @@ The layout follows the public guide "Custom Dataset Tutorial". The class names c
 CustomDataset, which also requires a label in each listed frame.
 """
 
-from __future__ import annotations
-
 import io
 import warnings
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Reads and writes PCD folders: points/NNNNNN.pcd with all point fields, and labels/NNNNNN.txt."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property

@@ -3,8 +3,6 @@
 Follows the public description ("The PLY Polygon File Format", Greg Turk, 1994).
 """
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import BinaryIO, NoReturn

@@ -9,8 +9,6 @@ Known names and units of drivers of LiDARs:
 A file states neither the unit nor the start of the count, so both follow from the values.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any

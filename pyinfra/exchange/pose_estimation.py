@@ -4,8 +4,6 @@ The length unit, the upward axis, the tilt of the sensor and its height above th
 from some of the frames. All assumptions are listed as texts in `assumed`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace

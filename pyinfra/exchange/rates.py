@@ -1,7 +1,5 @@
 """Progress bar and throughput of an import or export."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Iterator, Sequence

@@ -4,8 +4,6 @@ The reader follows RCooper's public converters. Labels are in label(s)/SCENE/POL
 in the LiDAR's frame. calib/lidar2world/POLE.json contains the pose and tilt of the LiDAR.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Makes a recording of files that each hold one cloud with named fields."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The representation of a recording that all readers return. Frames are read one by one."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field

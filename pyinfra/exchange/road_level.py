@@ -5,8 +5,6 @@ height. Therefore clouds and boxes are moved up by the height of the sensor abov
 written to `sensor.yaml` beside them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ Only ground under traffic is certain to be road. Therefore the surface is fitted
 the columns in which an object moved. Static objects beside the road do not change the fit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

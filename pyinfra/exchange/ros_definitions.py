@@ -1,7 +1,5 @@
 """Definitions and parts of the ROS 2 messages that are written (Humble and later)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

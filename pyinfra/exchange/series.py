@@ -1,7 +1,5 @@
 """Reads the frames of a LiDAR's folder one by one for exports, and the provenance of the frames."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -10,8 +10,6 @@ Follows the source of labelCloud (`labelCloud/io/labels/centroid.py` and `vertic
   `rotation` (Euler angles XYZ, radians).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

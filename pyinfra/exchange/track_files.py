@@ -6,8 +6,6 @@ camera frame of a simulated LiDAR, as in predictions without calibration. `occlu
 frame with a box, and 2 (largely occluded) for others.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

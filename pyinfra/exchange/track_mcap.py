@@ -7,8 +7,6 @@ Topics, each with one message per frame, stamped with the time of the boxes:
 NAME is the LiDAR, and the frame of the messages, as in the file that `mcap` writes of the clouds.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -5,8 +5,6 @@ Frames count from 0, and `timestamp` is the time of the boxes. Attributes are sp
 whether the frame has a box of the object (`seen`: 1 or 0).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 

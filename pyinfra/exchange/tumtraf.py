@@ -5,8 +5,6 @@ numbers of a cuboid are x y z, quaternion x y z w, and length width height, in t
 cloud. The cloud is tilted like the LiDAR, so the import estimates the road from the points.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pyinfra.core.errors import Error

@@ -1,7 +1,5 @@
 """Estimates the length unit and the highest intensity of a recording's clouds."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

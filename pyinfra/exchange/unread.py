@@ -1,7 +1,5 @@
 """Lists what lies in a recording, and beside it, but is not read by the import."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """How much road, or how many squares, each experiment of a benchmark covers."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """By how much the pretrained detector is unfair to LiDARs: the AP that fine-tuning adds to each."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 
 from pyinfra.experiments.planner.detectability import read_detectability

@@ -1,7 +1,5 @@
 """Exclusive use of GPUs: no two experiments use the same GPU at the same time."""
 
-from __future__ import annotations
-
 import os
 import platform
 import time

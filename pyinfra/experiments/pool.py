@@ -1,7 +1,5 @@
 """Runs tasks through joblib in several processes, local or in a Ray or Dask cluster."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

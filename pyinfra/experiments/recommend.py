@@ -6,8 +6,6 @@ this ground truth, so the AP of the vehicles that are visible from the mount is 
 is covered where this AP in a window of 20 m is above the required AP.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass

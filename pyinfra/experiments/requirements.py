@@ -1,7 +1,5 @@
 """The requirements of a user on the options of a benchmark."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

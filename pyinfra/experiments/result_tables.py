@@ -4,8 +4,6 @@ A missing file gives a table without rows. A missing column, a value that is not
 of range, and a duplicate row are errors. The message names the file, the row and the column.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Mapping

@@ -4,8 +4,6 @@ The benchmark and the stress test use them. An experiment that has a row is fini
 run again (`fill`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path

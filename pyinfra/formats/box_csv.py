@@ -4,8 +4,6 @@ A column has a key, such as `length`. Plain names are recognised; a user's mappi
 columns comes first. All boxes are in the LiDAR frame, in metres.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math

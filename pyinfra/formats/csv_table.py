@@ -3,8 +3,6 @@
 The name of a LiDAR may therefore be `007`, `NA`, `1e5` or `null`.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Collection

@@ -3,8 +3,6 @@
 Follows the public description (Point Cloud Library, "The PCD file format").
 """
 
-from __future__ import annotations
-
 import io
 import struct
 from collections import Counter

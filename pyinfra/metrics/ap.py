@@ -12,8 +12,6 @@ twice. With one row of weights per bootstrap replicate, one call computes all re
 AP uses at most about 2,000 operating points. In the tests, this limit changes AP by less than 0.05.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Inputs of an evaluation: the frames, the predictions and the default settings of a class."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

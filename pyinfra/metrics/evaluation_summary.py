@@ -1,7 +1,5 @@
 """The summary of an evaluation as text for the terminal."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -3,8 +3,6 @@
 AP and shares are 0 to 100. Columns with low and high in their names are the ends of 95 % intervals.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -5,8 +5,6 @@ A file that does not follow its format is an error. The checks also report commo
 headings and wrong frames of reference.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The ground-truth objects in the frames of one LiDAR, and which of them count."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Checks of ground truth whose files can be read: missing labels, unknown classes, region."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 

@@ -9,8 +9,6 @@ in view (`block_seconds`), because errors are correlated over that time.
 reproduction/commands/coverage.py measures how often these intervals include the true value.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The vehicles and predictions of one class, ready for matching, and their blocks of time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property

@@ -13,8 +13,6 @@ Two kinds of unmatched predictions are false positives even outside the region: 
 labelled pedestrian or cyclist, and a second box on a pedestrian or cyclist that counts.
 """
 
-from __future__ import annotations
-
 import typing
 from dataclasses import dataclass
 

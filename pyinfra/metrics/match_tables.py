@@ -1,7 +1,5 @@
 """Tables of a match result: each prediction and object, and AP by distance from the sensor."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

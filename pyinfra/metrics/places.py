@@ -5,8 +5,6 @@ folder for each traffic seed. Evaluations of two places are paired if their vehi
 the same.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

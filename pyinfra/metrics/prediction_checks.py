@@ -5,8 +5,6 @@ of 0. A common cause is the height of a roadside sensor. Vehicles are 3 to 6 m b
 toolboxes for car-mounted sensors do not expect.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Checks a table of predicted boxes and converts it for the evaluation."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias

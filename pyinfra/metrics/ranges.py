@@ -1,7 +1,5 @@
 """AP and recall of vehicles within 10, 20 ... 100 m of the sensor."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any

@@ -6,8 +6,6 @@ All LiDARs and detectors that are evaluated on the same traffic and frames use t
 time. Two rows can be compared if they agree in the columns SAME.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """Warnings about the results of an evaluation."""
 
-from __future__ import annotations
-
 import math
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """Selects the rows and AP columns that represent each experiment in a table of results."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

@@ -1,7 +1,5 @@
 """Directions and density of a LiDAR's rays, without a scene. Needs the compiled extension."""
 
-from __future__ import annotations
-
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path

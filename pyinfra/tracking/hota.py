@@ -5,8 +5,6 @@ K. Bernardin and R. Stiefelhagen, Evaluating Multiple Object Tracking Performanc
 similarity of two objects is 1 - d / 2 m, for centres that are d apart.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

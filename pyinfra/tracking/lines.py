@@ -1,7 +1,5 @@
 """Lines across roads at which tracks are counted: drawn by the user, or of the site's roads."""
 
-from __future__ import annotations
-
 import itertools
 import os
 from collections.abc import Mapping

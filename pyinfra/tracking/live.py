@@ -3,8 +3,6 @@
 Memory stays bounded: a frame that arrives while the machine is busy replaces the waiting one.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import threading

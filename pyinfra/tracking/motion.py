@@ -5,8 +5,6 @@ The state is x y vx vy ax ay, in metres and seconds. Acceleration is a random pr
 x and y move independently with the same model.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

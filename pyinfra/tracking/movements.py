@@ -1,7 +1,5 @@
 """Movements: from which arm to which arm of a junction a track goes, or which way on a road."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The passages of tracks over lines: when, which way, in which lane and how fast."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

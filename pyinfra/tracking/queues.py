@@ -1,7 +1,5 @@
 """Queues of standing vehicles before the lines of a junction."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Reads and writes tracks.csv."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pandas as pd

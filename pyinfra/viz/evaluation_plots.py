@@ -4,8 +4,6 @@ A table may have the rows of several LiDARs. The figures are legible in black an
 colour-blind readers. Lines differ in style and marker, and area qualities in lightness and hatch.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Draws the health of a recording by frame."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Writes a page whole, or not at all if it is too large."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pyinfra.core.errors import Error

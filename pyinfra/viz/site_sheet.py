@@ -1,7 +1,5 @@
 """Draws plans of generated sites side by side for visual inspection."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

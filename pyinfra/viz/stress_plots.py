@@ -1,7 +1,5 @@
 """Draws AP against severity from the rows of a stress test, with a panel per stressor."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A page of traffic counts: a map whose arrows are as wide as their flow, plots, and tables."""
 
-from __future__ import annotations
-
 import html
 import io
 from pathlib import Path

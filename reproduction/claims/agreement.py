@@ -1,7 +1,5 @@
 """Compares the AP of a benchmark with the paper's AP."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

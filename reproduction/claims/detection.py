@@ -3,8 +3,6 @@
 docs/verdict_rules.md, "Claims about detection", defines the rules.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from functools import partial

@@ -3,8 +3,6 @@
 docs/verdict_rules.md, "Detectors that decide", has the rule.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import pandas as pd

@@ -7,8 +7,6 @@ out/correlation.csv:
     python -m reproduction correlation --work data/correlation
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -8,8 +8,6 @@ The command writes out/coverage.csv for three scenes and three test spans:
     python -m reproduction coverage --work data/coverage
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

@@ -14,8 +14,6 @@ use different traffic. With `--fit 0` it checks the laws of the package. It writ
     python -m reproduction detectability --work out/detectability --out results/detectability.csv
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import warnings

@@ -15,8 +15,6 @@ with the next site. The command writes out/detector_goals.csv:
     python -m reproduction detector_goals generalist runs/v4/last.safetensors --work data/goals
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -7,8 +7,6 @@ scenes, and of four LiDARs of 16 lines that are fused at a crossroad. Run it on 
     python -m reproduction detector_latency --work out/latency --out results/detector_latency.csv
 """
 
-from __future__ import annotations
-
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator

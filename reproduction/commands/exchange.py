@@ -9,8 +9,6 @@ machine whose disk is fast enough. All files are in the page cache. The column o
 size of the written files.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -10,8 +10,6 @@ same weights are not computed again.
     python -m reproduction fairness generalist --work data/fairness
 """
 
-from __future__ import annotations
-
 import itertools
 import shutil
 from collections.abc import Sequence

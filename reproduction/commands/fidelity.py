@@ -5,8 +5,6 @@ The command writes fidelity.csv, aggregation.csv, beam.csv, fidelity_parts.csv a
     python -m reproduction fidelity
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
 from pathlib import Path

@@ -8,8 +8,6 @@ cloud to its line, dropped frames, and the memory of the process.
     python -m reproduction follow --work out/follow --minutes 60
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

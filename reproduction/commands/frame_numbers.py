@@ -8,8 +8,6 @@ out/frame_numbers.csv:
     python -m reproduction frame_numbers --against ../before
 """
 
-from __future__ import annotations
-
 import subprocess
 import tempfile
 from pathlib import Path

@@ -16,8 +16,6 @@ computed. Existing rows of the same initial weights (column `start`) are not com
 `--paper` runs the experiments of a first trial, which uses the study's settings.
 """
 
-from __future__ import annotations
-
 import itertools
 import shutil
 from collections.abc import Iterator, Sequence

@@ -10,8 +10,6 @@ On a CPU all values have the tier `quick`:
     python -m reproduction gpu --work out/gpu --out results/gpu.csv
 """
 
-from __future__ import annotations
-
 import dataclasses
 import os
 import subprocess

@@ -9,8 +9,6 @@ output as they are made; existing rows are kept, and several processes can share
     python -m reproduction integration --work data/integration --out results/integration.csv
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass

@@ -10,8 +10,6 @@ are not computed again, and several processes can share the work.
     python -m reproduction ladder --work data/ladder
 """
 
-from __future__ import annotations
-
 import itertools
 import resource
 import shutil

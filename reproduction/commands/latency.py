@@ -7,8 +7,6 @@ the time from points to boxes. Run the command on an idle machine:
     python -m reproduction latency --work data/experiments --out results/latency.csv
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from pathlib import Path

@@ -5,8 +5,6 @@ Each point lights up at the time at which its ray is fired, and fades. Boxes are
     python -m reproduction moving_picture --out docs/pictures/junction.webp
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import math

@@ -6,8 +6,6 @@ without the suppression in the graph. The detector runs with PyTorch on one thre
     python -m reproduction onnx_files --work out/onnx --out results/onnx_files.csv
 """
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Iterator

@@ -10,8 +10,6 @@ at which the median is at least 5 points:
     python -m reproduction people
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path

@@ -11,8 +11,6 @@ seconds of each pilot; `detector_goals` measures them:
         --work data/goals --sites 20 8 --out out/pilots.csv
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Any

@@ -17,8 +17,6 @@ NAME_order.csv, and NAME_summary.csv with 95 % intervals over sites.
         --out results/placement.csv
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from itertools import combinations, product

@@ -14,8 +14,6 @@ Its rows are the output of `pyinfra compare` under the ground-truth subsets `pre
     python -m reproduction places --work data/places
 """
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

@@ -9,8 +9,6 @@ contain the mean and their half-widths. Run it again to resume. The full size is
     python -m reproduction plan_coverage --work data/coverage --sites 20 --seeds 10 --frames 30
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Iterator

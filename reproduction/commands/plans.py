@@ -8,8 +8,6 @@ kept. Run the command again to resume.
     python -m reproduction plans --work out/plans --out results/plans.csv
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass

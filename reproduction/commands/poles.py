@@ -10,8 +10,6 @@ as it is computed. Existing rows are not computed again, and several processes c
     python -m reproduction poles --work data/poles
 """
 
-from __future__ import annotations
-
 import itertools
 import shutil
 from collections.abc import Mapping, Sequence

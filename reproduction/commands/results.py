@@ -12,8 +12,6 @@ parts run side by side, in processes of this machine or of a Dask or Ray cluster
 measure times run alone after them.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace

@@ -9,8 +9,6 @@ The command writes out/rungs.csv, a row for each rung, LiDAR, distance and seed:
     python -m reproduction rungs
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path

@@ -8,8 +8,6 @@ rung, LiDAR, detector and seed:
     python -m reproduction rungs_ap --work out/rungs_ap
 """
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 from collections.abc import Sequence

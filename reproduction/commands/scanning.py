@@ -8,8 +8,6 @@ the seeds, with Student's 95 % interval over the seeds. It writes results/scanni
     python -m reproduction scanning --work data/scanning --out results/scanning_claims.csv
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Iterator, Sequence

@@ -7,8 +7,6 @@ as it is computed. Existing rows are computed again only with --again.
     python -m reproduction sites --work out/sites --towns maps
 """
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

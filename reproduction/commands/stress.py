@@ -9,8 +9,6 @@ are not computed again, and several processes can share the work.
     python -m reproduction stress --work data/stress
 """
 
-from __future__ import annotations
-
 import itertools
 import shutil
 from collections.abc import Sequence

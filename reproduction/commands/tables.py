@@ -6,8 +6,6 @@ Likewise, TEXTS has the paragraphs between `<!-- text NAME -->` and `<!-- end --
 nothing and fails if a table or text in a page differs from the result of its function.
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 import sys

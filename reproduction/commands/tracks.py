@@ -9,8 +9,6 @@ It keeps boxes and truth of each run in the working folder, so that a second run
 writes out/tracks.csv with one row per run for the boxes of the detector, and one for true boxes.
 """
 
-from __future__ import annotations
-
 import subprocess
 import time
 import warnings

@@ -7,8 +7,6 @@ The command makes two runs on a generated crossing with signals, and two on each
 It writes two rows per run to out/traffic.csv: before smoothing and after smoothing.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
 from collections.abc import Iterator, Sequence

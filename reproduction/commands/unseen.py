@@ -15,8 +15,6 @@ each condition costs. The command writes out/unseen.csv:
     python -m reproduction unseen version_2.safetensors generalist
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial

@@ -21,8 +21,6 @@ negative; a mean below 0 counts as 0. The command writes results/variance.csv:
     python -m reproduction variance results/experiments.csv --out results/variance.csv
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

@@ -13,8 +13,6 @@ replicates may decide:
     python -m reproduction verdicts results/experiments.csv --out results/claims.csv
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Callable, Collection, Iterator

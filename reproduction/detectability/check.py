@@ -4,8 +4,6 @@ A prediction uses what the LiDAR sees of the site's own traffic. AP and recall a
 other seeds of the traffic. A group is one site and LiDAR with several poses.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from functools import partial

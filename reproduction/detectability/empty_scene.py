@@ -10,8 +10,6 @@ fills it. A beam reaches the voxels between the LiDAR and its return in the empt
 Both measures ignore that vehicles hide each other.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path

@@ -5,8 +5,6 @@ The file of a run has every object of the evaluation region, with its points and
 scores of the false boxes.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass

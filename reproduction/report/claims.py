@@ -1,7 +1,5 @@
 """Makes the report's section on the verdicts of the paper's claims under each preset."""
 
-from __future__ import annotations
-
 import re
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """Makes the report's section on the cost and accuracy of scene models of different detail."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from pyinfra.experiments.result_tables import TableFile

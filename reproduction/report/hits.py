@@ -1,7 +1,5 @@
 """Makes the report's section on hit points per frame, with the paper's values."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Shows how cheaper scene models change the conclusions, one setting at a time."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

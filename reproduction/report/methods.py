@@ -1,7 +1,5 @@
 """Makes the report's section on methods, with an index of the paper's figures."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from pyinfra.viz.report.blocks import Entry, Index, Section

@@ -1,7 +1,5 @@
 """Declares the study's tables in a folder of results, in addition to pyinfra's tables."""
 
-from __future__ import annotations
-
 from pyinfra.experiments.result_tables import FINITE, SHARE, kind
 
 TABLES = {

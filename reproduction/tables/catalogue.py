@@ -1,7 +1,5 @@
 """Makes the tables of the page about the catalogue's LiDARs, from their files and results."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Names, number formats and rows for all tables."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence

@@ -1,7 +1,5 @@
 """Makes the tables of the paper's claims about scanning."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from pyinfra.core.vocabulary import PRESETS

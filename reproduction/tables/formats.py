@@ -1,7 +1,5 @@
 """Tables of the formats that are read and written, from the code that reads and writes them."""
 
-from __future__ import annotations
-
 import tomllib
 
 from pyinfra.exchange.formats import FORMATS, Format

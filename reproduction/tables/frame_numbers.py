@@ -1,7 +1,5 @@
 """Makes the table of points per vehicle of frames 3 and 4, from results/frame_numbers.csv."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from reproduction.report.ladder import interval

@@ -1,7 +1,5 @@
 """Makes the three findings of README, each with its measurement conditions."""
 
-from __future__ import annotations
-
 from pyinfra.core.vocabulary import PRESETS
 from reproduction.commands.experiments import at_catalogue_law
 from reproduction.commands.verdicts import LEVEL

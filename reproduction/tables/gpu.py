@@ -1,7 +1,5 @@
 """Makes tables about training and detection on a GPU, from results/gpu.csv."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pandas as pd

@@ -1,7 +1,5 @@
 """Makes the table of AP with stacked frames."""
 
-from __future__ import annotations
-
 from reproduction.report.ladder import interval
 from reproduction.tables.common import LIDARS, markdown, mean_of_ap, results, signed
 

@@ -4,8 +4,6 @@ The ground truth is `captured`. The subset `common` has other vehicles at turned
 only spinning LiDARs are simulated there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pandas as pd

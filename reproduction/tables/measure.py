@@ -1,7 +1,5 @@
 """Makes tables about the reliability of intervals."""
 
-from __future__ import annotations
-
 from reproduction.tables.common import LIDARS, markdown, results
 
 

@@ -1,7 +1,5 @@
 """Makes tables about the pretrained detector: accuracy, stability and latency."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import astuple
 

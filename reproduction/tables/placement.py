@@ -1,7 +1,5 @@
 """Makes tables about the prediction of `pyinfra plan` and about what a place is worth."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from reproduction.tables.common import markdown, results, with_interval_of_ap

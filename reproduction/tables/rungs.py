@@ -1,7 +1,5 @@
 """Makes tables about the models of a LiDAR, from results/rungs.csv and results/rungs_ap.csv."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

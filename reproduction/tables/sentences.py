@@ -4,8 +4,6 @@ In a page, an answer is between `<!-- text NAME -->` and `<!-- end -->`. A state
 number is made by `known`, which raises Error if the tables contradict it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """Writes the answers of pages on models, faults, placement and tracks (see `sentences`)."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from pyinfra.metrics.comparison import Interval

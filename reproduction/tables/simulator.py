@@ -1,7 +1,5 @@
 """Makes tables about the speed and fidelity of the simulator."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from pyinfra.metrics.comparison import Interval

@@ -1,7 +1,5 @@
 """Makes tables about user sites: maps, traffic, pedestrians and cyclists, several poles."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Mapping
 

@@ -1,7 +1,5 @@
 """Makes the tables of the steps: their commands and CPU hours."""
 
-from __future__ import annotations
-
 from reproduction import RECORDED, ROOT, engine
 from reproduction.steps import OTHERS, STEPS
 from reproduction.tables.common import markdown

@@ -1,7 +1,5 @@
 """Makes the table of the stress test over several traffic seeds."""
 
-from __future__ import annotations
-
 from dataclasses import astuple
 
 import numpy as np

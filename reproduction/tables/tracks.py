@@ -1,7 +1,5 @@
 """Makes the tables about tracks and counts, from results/tracks.csv."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from reproduction.tables.common import LIDARS, markdown, number, results

@@ -1,7 +1,5 @@
 """Makes the tables of the study's verdicts, from results/experiments.csv and derived tables."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Dry run of a benchmark: the experiments that it would run, and how long they would take."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import pandas as pd

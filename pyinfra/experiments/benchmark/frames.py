@@ -1,7 +1,5 @@
 """The data sets of a benchmark: simulated in parts, split by time, and described in tables."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

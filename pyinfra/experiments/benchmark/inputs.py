@@ -1,7 +1,5 @@
 """Checks the files that a benchmark names before it runs, and computes their digests."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Callable

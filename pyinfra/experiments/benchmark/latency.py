@@ -4,8 +4,6 @@ A detector can take four times as long while other experiments run. Therefore no
 during the experiments.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
 

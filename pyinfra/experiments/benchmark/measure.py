@@ -1,7 +1,5 @@
 """One experiment: training, detection and evaluation; latency is measured separately."""
 
-from __future__ import annotations
-
 import math
 import time
 from dataclasses import asdict

@@ -3,8 +3,6 @@
 The digests are stored in the row of the experiment and in the folder of its training.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

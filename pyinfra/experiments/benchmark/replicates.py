@@ -1,7 +1,5 @@
 """Bootstrap replicates of a benchmark's experiments, and which differences are significant."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Runs a benchmark: simulation, tables of the data sets, experiments, prices and latencies."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, replace

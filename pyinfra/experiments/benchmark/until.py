@@ -8,8 +8,6 @@ data in common. The numbers of replicates are fixed beforehand and each comparis
 is therefore at most 5 %.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

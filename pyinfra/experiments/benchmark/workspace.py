@@ -1,7 +1,5 @@
 """The folders of a benchmark: for frames and trainings, and for tables of results."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

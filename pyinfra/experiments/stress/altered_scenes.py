@@ -3,8 +3,6 @@
 The test frames are simulated again with changed keys. The new frames are stored in a cache.
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import math

@@ -5,8 +5,6 @@ With the same random numbers, points that are lost at one severity are also lost
 severity. The section "Stress" of docs/conventions/detectors.md has the formulas and their sources.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Turns the `lidar.yaml` of a data set into a LiDAR file that the simulator reads."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

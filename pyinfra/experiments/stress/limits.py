@@ -4,8 +4,6 @@ Each function returns the reason why the data set `base` does not meet a require
 empty if the data set meets the requirement.
 """
 
-from __future__ import annotations
-
 import yaml
 
 from pyinfra.core.vocabulary import PRESETS

@@ -5,8 +5,6 @@ evaluate`. The cost of a kind of error is the gain in AP when these errors are c
 (Bolya et al., ECCV 2020). The section "Stress" of docs/conventions/detectors.md defines the rules.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

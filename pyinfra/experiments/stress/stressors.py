@@ -1,7 +1,5 @@
 """The table of stressors: name, unit, severities and effect of each."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass

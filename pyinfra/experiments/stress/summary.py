@@ -1,7 +1,5 @@
 """Summary of a stress test: where AP falls, which error causes it, and a ranking of detectors."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 

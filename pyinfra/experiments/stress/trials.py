@@ -1,7 +1,5 @@
 """The trials of a stress test, one for each run and severity, and the table of finished ones."""
 
-from __future__ import annotations
-
 import hashlib
 import time
 from collections.abc import Iterable, Iterator, Sequence

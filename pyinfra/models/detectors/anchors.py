@@ -8,8 +8,6 @@ are two sizes of anchors instead of one, because the IoU of a bus with an anchor
 low.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ of 3 x 3 convolutions. Each block has half the resolution of the previous block.
 blocks are upsampled to one resolution and concatenated.
 """
 
-from __future__ import annotations
-
 import math
 
 import torch

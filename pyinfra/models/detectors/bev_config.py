@@ -1,7 +1,5 @@
 """Sizes of the two-dimensional network on a bird's-eye canvas (bev.py)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

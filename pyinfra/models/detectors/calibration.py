@@ -3,8 +3,6 @@
 Logits are transformed linearly (Platt, "Probabilistic outputs for support vector machines", 1999).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import minimize
 from scipy.special import expit

@@ -1,7 +1,5 @@
 """Sizes of CenterPoint on pillars (centerpoint_pillar.py); this module needs no PyTorch."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from pyinfra.core.config import ruled

@@ -9,8 +9,6 @@ Deviations from the paper:
 - pillars are 0.2 m wide, and the grid of boxes has half their resolution
 """
 
-from __future__ import annotations
-
 from torch import Tensor
 
 from pyinfra.dataset.regions import Region

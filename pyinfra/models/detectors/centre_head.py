@@ -10,8 +10,6 @@ The head follows the first stage of CenterPoint, Yin et al., CVPR 2021. Deviatio
   set
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """The classes that a network distinguishes: their numbers, and their types in files."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -7,8 +7,6 @@ of objects of the whole batch, or it is a mean over frames. Batch norms use the 
 whole batch. They are not PyTorch's SyncBatchNorm, because SyncBatchNorm needs a GPU.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -13,8 +13,6 @@ Deviations from the paper:
   this package
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import torch

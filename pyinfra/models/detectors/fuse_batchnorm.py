@@ -1,7 +1,5 @@
 """Fuses batch norms into the layers before them, which makes inference faster."""
 
-from __future__ import annotations
-
 from typing import cast
 
 import torch

@@ -1,7 +1,5 @@
 """Adapts a network, whose z is measured from the road, to the levelled LiDAR frame of a site."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 from pyinfra.core.arrays import Points

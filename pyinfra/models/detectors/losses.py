@@ -1,7 +1,5 @@
 """Losses of detectors. The caller must divide a loss by the number of objects."""
 
-from __future__ import annotations
-
 import math
 
 import torch

@@ -1,7 +1,5 @@
 """Base class of the networks: losses of a batch, and boxes of a cloud."""
 
-from __future__ import annotations
-
 import abc
 import ctypes
 from collections.abc import Iterator, Sequence

@@ -5,8 +5,6 @@ MVF, Zhou et al., CoRL 2019. All points are used. Neither the number of pillars 
 points in a pillar is limited.
 """
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor, nn
 

@@ -7,8 +7,6 @@ Deviations from the paper:
 - the area is chosen to include the vehicles of the training frames; the anchors stand on the road
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass, field
 

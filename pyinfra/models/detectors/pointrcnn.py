@@ -30,8 +30,6 @@ the road are left out, so the road must be level. The other points are sampled e
 point is sampled from each square of `cell_m`, then a second point from each square, and so on.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

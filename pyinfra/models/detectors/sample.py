@@ -1,7 +1,5 @@
 """A training frame of networks: points and boxes. This module needs no PyTorch."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

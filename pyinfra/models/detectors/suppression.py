@@ -1,7 +1,5 @@
 """From candidates to the detections of a frame; this module needs no PyTorch."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -5,8 +5,6 @@ al., CVPR 2020. It has several levels. Each level has half the resolution of the
 last layer halves only the height; its output is the bird's-eye canvas.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import operator

@@ -1,7 +1,5 @@
 """Loads trained detectors and runs them on clouds on disk."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Collection, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """Runs a trained detector on the frames of a LiDAR's folder and writes KITTI results."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial

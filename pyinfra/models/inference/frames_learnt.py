@@ -1,7 +1,5 @@
 """The number of the frames that a model was learnt from, and a warning for frames of others."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Quality measures of predictions on frames without labels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -8,8 +8,6 @@ output `classes` (k,) with class numbers. x and y of points and boxes are in the
 frame, and z is measured from the road. Scores are those before calibration.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import warnings

@@ -5,8 +5,6 @@ neighbours on diagonal roads. The suppression here is that of the detectors (`su
 box is left out if its footprint overlaps a better remaining box of its class by more than NMS_IOU.
 """
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor
 

@@ -1,7 +1,5 @@
 """A user's own detector: any callable that takes points and returns boxes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, TypeAlias

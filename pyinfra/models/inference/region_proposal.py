@@ -12,8 +12,6 @@ The steps are:
 A lane on which no vehicle drives during the recording is not part of the outline.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial

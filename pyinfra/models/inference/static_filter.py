@@ -1,7 +1,5 @@
 """Removes vehicle boxes that recur where no box ever moves, such as boxes on hedges and rails."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Number of threads of a detector."""
 
-from __future__ import annotations
-
 import os
 
 from pyinfra.core.errors import Error

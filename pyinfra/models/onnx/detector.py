@@ -6,8 +6,6 @@ boxes. The compiled extension computes the pillars and the first convolution. ON
 the other layers. NumPy computes the boxes at the peaks of the heat.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

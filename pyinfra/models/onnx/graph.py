@@ -5,8 +5,6 @@ The layers are those of `detectors/bev.py` and `detectors/centre_head.py`. Batch
 into the layers before them, as `detectors/fuse_batchnorm.py` does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -5,8 +5,6 @@ sequence of fields. Each field has a key, which is its number and its kind, and 
 are enough here: a number of variable length, and bytes with their length.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 

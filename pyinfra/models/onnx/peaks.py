@@ -1,7 +1,5 @@
 """Computes boxes from maps of heat and boxes, as `detectors/centre_head.py`, but in NumPy."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -6,8 +6,6 @@ larger than the part whose values are used, by the receptive field of the networ
 therefore those that the whole map would give.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

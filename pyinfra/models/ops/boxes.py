@@ -5,8 +5,6 @@ NumPy. The overlaps are differentiable in all seven numbers of both boxes, excep
 touching boxes. For such boxes the gradient is finite and equal to a one-sided gradient.
 """
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor
 

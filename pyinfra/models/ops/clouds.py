@@ -10,8 +10,6 @@ of the clouds: integers, or a tensor (clouds,) int64 if the CPU does not know th
 Searches have no gradient.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Copying numbers to a GPU makes the CPU wait until the GPU has finished its earli
 constants are copied once, and numbers of a batch are written by the GPU itself.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 

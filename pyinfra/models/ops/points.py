@@ -5,8 +5,6 @@ batch differ in size. Searches have no gradient and raise ValueError for values 
 Rows are int64.
 """
 
-from __future__ import annotations
-
 import torch
 from scipy.spatial import cKDTree
 from torch import Tensor

@@ -4,8 +4,6 @@ The module follows section 3.2 of DSVT, Wang et al., CVPR 2023. A window with mo
 sets. Each voxel is in one set, and attention costs the same for each set.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

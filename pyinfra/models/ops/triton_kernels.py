@@ -4,8 +4,6 @@ Each function has a twin in PyTorch in clouds.py, which tests compare. PyTorch's
 Linux bring Triton, which compiles the kernels at their first use.
 """
 
-from __future__ import annotations
-
 import os
 
 import numpy as np

@@ -5,8 +5,6 @@ kernels gather rows while they multiply, so that no gathered array is written. N
 to the same row, so the results are reproducible.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import torch

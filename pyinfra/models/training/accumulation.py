@@ -3,8 +3,6 @@
 Stacking is useful if the scan pattern of the sensor does not repeat.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -3,8 +3,6 @@
 A batch is a function of its step, so it is the same with any number of workers.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 from collections import deque
 from collections.abc import Callable, Generator, Iterable

@@ -4,8 +4,6 @@ Pickles are not used, so that loading an untrusted checkpoint runs no code. A fi
 under another name and then renamed, so that a checkpoint is never incomplete.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib
 from dataclasses import dataclass

@@ -8,8 +8,6 @@ and its samples are returned in random order. Sample n depends only on n and on 
 a training can resume at any sample by simulating one group.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial

@@ -4,8 +4,6 @@ A training of many steps uses each frame many times. The frames are read once, b
 step, and worker processes share them.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor

@@ -4,8 +4,6 @@ Random numbers and the learning rate are functions of the step (and the seed). T
 interrupted training resumes at its last checkpoint and gives the same result.
 """
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import math

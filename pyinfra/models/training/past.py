@@ -14,8 +14,6 @@ as long as the memory lasts. Networks learn this from the queues of their traini
 Points are in the levelled LiDAR frame. The columns are computed before z is measured from the road.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from collections.abc import Callable, Collection, Sequence
 from functools import cached_property, partial

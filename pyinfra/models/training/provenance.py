@@ -1,7 +1,5 @@
 """The description of a checkpoint, and its weights as arrays; this module needs no PyTorch."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass

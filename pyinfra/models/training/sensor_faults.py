@@ -6,8 +6,6 @@ the same random numbers, points that are lost at one severity are also lost at e
 severity. The definitions are in the section "Stress" of docs/conventions/detectors.md.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, Points

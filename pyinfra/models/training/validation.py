@@ -5,8 +5,6 @@ never test frames. The first held-out frames show vehicles that are also in the 
 training. Therefore the AP on held-out frames can only be used to compare states of one training.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

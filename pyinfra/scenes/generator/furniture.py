@@ -5,8 +5,6 @@ furniture mistakes it for vehicles. Furniture is placed last, in the remaining f
 no other part of a site depends on it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray

@@ -5,8 +5,6 @@ each side of each road) has a separate random stream. A new kind of object in on
 changes little in the other parts.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pyinfra.core.errors import Error

@@ -1,7 +1,5 @@
 """The roads of a site, and the free space beside them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

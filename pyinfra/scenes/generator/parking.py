@@ -1,7 +1,5 @@
 """Places the parked vehicles of a site, in rows at kerbs and in car parks."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pyinfra.scenes.generator.layout import SIDES, Keys, PlannedRoad

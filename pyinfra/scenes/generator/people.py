@@ -1,7 +1,5 @@
 """Places rows of walking pedestrians and cyclists in free space beside the roads of a site."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np

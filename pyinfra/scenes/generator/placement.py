@@ -1,7 +1,5 @@
 """Puts objects beside a road where space is free, and collects their scene keys."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pyinfra.scenes.generator.layout import WHOLE, FreeSpace, Keys, PlannedRoad, Stretch

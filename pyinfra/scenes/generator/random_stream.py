@@ -1,7 +1,5 @@
 """Random samples for one part of a site, which depend only on version, seed and part."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Mapping
 from typing import TypeVar

@@ -4,8 +4,6 @@ A range is a uniform distribution, a share is a probability, and a mapping conta
 without a source are assumptions and are chosen wide rather than narrow.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Objects beside and over the roads of a site, placed from the kerb outwards."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pyinfra.scenes.generator.layout import SIDES, WHOLE, PlannedRoad, Stretch

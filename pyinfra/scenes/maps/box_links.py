@@ -1,7 +1,5 @@
 """Links boxes of successive frames to tracks, by the predicted positions of the tracks."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 

@@ -4,8 +4,6 @@ A file has integer vertices with a scale and an offset, and objects with geometr
 with the highest level of detail of each object is read.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Compass bearings of mounts. In a site, x points east and y north."""
 
-from __future__ import annotations
-
 NAMES = (
     "north",
     "north-east",

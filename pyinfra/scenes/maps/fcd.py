@@ -3,8 +3,6 @@
 The file is XML, plain or compressed as .gz.
 """
 
-from __future__ import annotations
-
 import gzip
 import zlib
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Recognises positions in longitude and latitude, and projects them to metres at a site."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

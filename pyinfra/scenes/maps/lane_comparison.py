@@ -1,7 +1,5 @@
 """Compares the lanes of a map's reader with SUMO's network, and bodies with lanes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Compares the heights of vehicles with those of a site's lanes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

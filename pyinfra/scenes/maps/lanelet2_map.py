@@ -4,8 +4,6 @@ Positions are the tags `local_x` and `local_y` in metres if all points have them
 latitude; `ele` is the height. A map has no network for SUMO, so that traffic has to be recorded.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import dataclass, field

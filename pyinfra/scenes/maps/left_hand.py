@@ -4,8 +4,6 @@ The map is mirrored at the x axis, so that vehicles drive on the right, and netc
 mirrored back. Lanes on the left of a reference line, with positive ids, become those on the right.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from pathlib import Path

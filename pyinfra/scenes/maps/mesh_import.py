@@ -1,7 +1,5 @@
 """Imports mesh files (OBJ, glTF, STL, PLY) and CityJSON files into a site."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

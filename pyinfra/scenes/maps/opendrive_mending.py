@@ -1,7 +1,5 @@
 """Adapts an OpenDRIVE map so that SUMO's netconvert can read it, and lists the changes."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from xml.etree import ElementTree

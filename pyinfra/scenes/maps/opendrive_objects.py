@@ -3,8 +3,6 @@
 The outline of an object replaces its box, and a repeat replaces its single position.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections import Counter

@@ -1,7 +1,5 @@
 """Counts the elements of an OpenDRIVE file that neither the importer nor netconvert uses."""
 
-from __future__ import annotations
-
 from collections import Counter
 from xml.etree.ElementTree import Element
 

@@ -4,8 +4,6 @@ Follows the public descriptions of the keys `building`, `min_height`, `layer`, `
 value `tunnel=building_passage`.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

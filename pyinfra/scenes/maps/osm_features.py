@@ -3,8 +3,6 @@
 The features are only listed. SUMO guesses the signals and crossings of the network.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ Follows the public descriptions of the keys `lanes`, `lanes:both_ways`, `lanes:b
 `bus:lanes`. Lanes that differ are only named, because the network decides where vehicles drive.
 """
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Sequence

@@ -4,8 +4,6 @@ A way on a higher layer is lifted if it crosses another way. The lifted way is l
 length, with ramps along the roads on both sides. A tunnel is lowered in the same manner.
 """
 
-from __future__ import annotations
-
 import heapq
 import itertools
 import math

@@ -4,8 +4,6 @@ Follows the public description of relations of type `multipolygon`: members with
 `inner` are ways, which alone or together form closed rings.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Reads recorded boxes from a CSV file with any column names, or from the labels of frames."""
 
-from __future__ import annotations
-
 import shlex
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The graph of a SUMO network, with permitted classes and lengths, for computing routes."""
 
-from __future__ import annotations
-
 import heapq
 from dataclasses import dataclass
 from functools import cached_property

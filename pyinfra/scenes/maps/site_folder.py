@@ -1,7 +1,5 @@
 """Reads mounts, offset and projection of a site folder, and sets its duration."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

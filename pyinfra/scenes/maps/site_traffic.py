@@ -1,7 +1,5 @@
 """Simulates traffic with SUMO for a site folder."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path

@@ -6,8 +6,6 @@ centre are those of a body on two axles. A track that still turns or accelerates
 averaged over longer times. If no averaging helps, the track is refused.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

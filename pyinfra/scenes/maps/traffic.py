@@ -1,7 +1,5 @@
 """Simulates the traffic of a site with SUMO, and converts it to smooth tracks."""
 
-from __future__ import annotations
-
 import math
 import re
 import tempfile

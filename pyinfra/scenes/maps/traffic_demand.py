@@ -1,7 +1,5 @@
 """Generates trips that begin outside the region, pass through it, and end outside."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from xml.sax.saxutils import quoteattr
 

@@ -1,7 +1,5 @@
 """Quality figures of tracks: turns, accelerations, overlaps, and tracks that appear suddenly."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Sequence

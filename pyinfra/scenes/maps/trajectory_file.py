@@ -1,7 +1,5 @@
 """Writes `trajectories.csv`, with the checks of the simulator's reader."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Imports a file of trajectories as the traffic of a site's folder."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Converts recorded trajectories to tracks: smooth, at 10 Hz, without gaps, with constant size."""
 
-from __future__ import annotations
-
 import math
 import re
 import shlex

@@ -1,7 +1,5 @@
 """Writes the page of a plan, and the file of its data beside the plan's tables."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The data of a plan's page. Every figure comes from the plan; the page only chooses options."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

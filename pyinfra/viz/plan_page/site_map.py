@@ -4,8 +4,6 @@ North is up. The unit is the metre; y is mirrored, because that of SVG points do
 cells and poles in two empty groups.
 """
 
-from __future__ import annotations
-
 import html
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Writes the 3-D view of the chosen option of a plan beside the plan's page."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pyinfra.dataset.fused import fused

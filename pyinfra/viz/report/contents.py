@@ -5,8 +5,6 @@ A dict TABLES in that module declares more tables, in the form of KINDS in
 experiments/result_tables.py.
 """
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable, Mapping, Sequence
 

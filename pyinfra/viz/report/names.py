@@ -1,7 +1,5 @@
 """Display names and order of LiDARs and detectors on the page."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

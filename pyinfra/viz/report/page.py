@@ -1,7 +1,5 @@
 """Writes the page from its sections, and the folder of CSV files beside it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

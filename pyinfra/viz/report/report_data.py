@@ -1,7 +1,5 @@
 """The input of a report: results, and data sets and runs if they are given."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Figures are drawn in the colours of light mode. In the page each colour is a var
 mode can replace it. Lines and markers differ too, for black and white and for colour-blind readers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass

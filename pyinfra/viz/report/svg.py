@@ -1,7 +1,5 @@
 """Turns figures into small markup inside a page, with unique ids and the page's colours."""
 
-from __future__ import annotations
-
 import io
 import re
 import zlib

@@ -1,7 +1,5 @@
 """Writes the page of a benchmark, or the page of a plan again."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

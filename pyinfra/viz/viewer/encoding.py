@@ -6,8 +6,6 @@ point, with all low bytes first, then all high bytes. The bytes are compressed w
 needs 2 to 3 bytes instead of 7 to 10 (docs/decisions/0006).
 """
 
-from __future__ import annotations
-
 import base64
 import zlib
 from typing import Any

@@ -1,7 +1,5 @@
 """Reads frames of one LiDAR for a viewer: points and boxes in the world frame."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

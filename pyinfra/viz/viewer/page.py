@@ -4,8 +4,6 @@ Library, style and data are in the page, so nothing is loaded from the network. 
 script element in which every `<` is escaped. Names are shown as text and never as markup.
 """
 
-from __future__ import annotations
-
 import html
 import json
 import re

@@ -1,7 +1,5 @@
 """Selects the LiDARs, frames and predictions of a view."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

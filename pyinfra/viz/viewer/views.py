@@ -1,7 +1,5 @@
 """Writes a view of frames of one or several LiDARs: a page, or a recording for Rerun."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

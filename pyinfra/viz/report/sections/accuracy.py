@@ -1,7 +1,5 @@
 """The section on average precision by LiDAR and detector, with every experiment."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

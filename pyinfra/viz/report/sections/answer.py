@@ -1,7 +1,5 @@
 """The first section: the best LiDAR and detector for each purpose."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pandas as pd

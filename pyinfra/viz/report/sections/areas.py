@@ -1,7 +1,5 @@
 """The section on high-quality detection areas: their number and their positions on the road."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

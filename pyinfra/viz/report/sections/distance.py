@@ -1,7 +1,5 @@
 """The section on AP along the road."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from pyinfra.core.vocabulary import PRESETS

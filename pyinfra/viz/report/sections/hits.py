@@ -1,7 +1,5 @@
 """The section on hit points per frame."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

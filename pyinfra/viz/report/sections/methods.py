@@ -1,7 +1,5 @@
 """The section on methods and on the provenance of the numbers."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from pyinfra.experiments.result_tables import TableFile

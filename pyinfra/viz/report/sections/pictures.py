@@ -1,7 +1,5 @@
 """The section of pictures from data sets."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

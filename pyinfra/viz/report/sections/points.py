@@ -1,7 +1,5 @@
 """The section on points per vehicle by distance."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pandas as pd

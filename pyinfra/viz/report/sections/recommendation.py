@@ -1,7 +1,5 @@
 """The answer of `pyinfra recommend` for the scenes of a user."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The section on accuracy against latency and training time."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

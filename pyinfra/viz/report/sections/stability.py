@@ -1,7 +1,5 @@
 """The section on stress tests: AP against the severity of each stressor."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

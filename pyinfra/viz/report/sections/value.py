@@ -1,7 +1,5 @@
 """The section on price against performance."""
 
-from __future__ import annotations
-
 import math
 import re
 from typing import Any

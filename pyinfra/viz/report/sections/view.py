@@ -1,7 +1,5 @@
 """The section with an interactive 3-D view of one frame of each LiDAR."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pyinfra.dataset.data_set import DataSet
