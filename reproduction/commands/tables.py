@@ -3,7 +3,8 @@
 In a page, a table is between `<!-- table NAME -->` and `<!-- end -->`. TABLES maps each NAME to the
 function that makes the table. Below the table, a sentence names the frames on which it rests.
 Likewise, TEXTS has the paragraphs between `<!-- text NAME -->` and `<!-- end -->`. `--check` writes
-nothing and fails if a table or text in a page differs from the result of its function.
+nothing and fails if a table or text in a page differs from the result of its function. The first
+figures of the pages of results are drawn again if their rows have changed.
 """
 
 import argparse
@@ -18,6 +19,7 @@ from pyinfra.core.errors import Error
 from reproduction import ROOT
 from reproduction.tables import (
     catalogue,
+    figures,
     findings,
     formats,
     frame_numbers,
@@ -43,6 +45,7 @@ from reproduction.tables.common import frames_of_results, with_frames
 
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 BLOCK = re.compile(r"(<!-- (table|text) (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
+PICTURES = ROOT / "docs/pictures/results"  # of the figures
 LINE = 200  # characters of a line of a page
 
 TABLES: dict[str, Callable[[], str]] = {
@@ -189,7 +192,13 @@ def main() -> int:
         print(f"{page.relative_to(ROOT)}: {'differs from results/' if check else 'written'}")
         if not check:
             page.write_text(rewritten(page), encoding="utf-8")
-    return 1 if check and stale else 0
+    old = [name for name in figures.FIGURES if not figures.is_current(name, PICTURES)]
+    for name in old:
+        file = PICTURES.relative_to(ROOT) / f"{name}.svg"
+        print(f"{file}: {'differs from results/' if check else 'written'}")
+        if not check:
+            figures.write(name, PICTURES)
+    return 1 if check and (stale or old) else 0
 
 
 if __name__ == "__main__":

@@ -60,11 +60,7 @@ def verdicts(claim: str, subset: str = "captured") -> str:
     Of the networks that were trained from nothing, it has PointPillars. The column of both
     detectors has the verdict of the study.
     """
-    table = _claims_with_enough_replicates()
-    shown = (table["judge"] != "from nothing") | (table.detector == "pointpillars")
-    rows = table[
-        shown & (table.claim == claim) & (table.subset == subset) & (table.label_time == "scan")
-    ].set_index(["scene", "preset", "judge"])
+    rows = shown_verdicts(claim, subset).set_index(["scene", "preset", "judge"])
     pairs = rows.index.droplevel("judge").unique()
     judges = rows.index.unique("judge")
     columns = {judge: words for judge, words in JUDGES.items() if judge in judges}
@@ -72,6 +68,15 @@ def verdicts(claim: str, subset: str = "captured") -> str:
         ["scene", "preset", *columns.values()],
         [[*pair, *(_verdict(rows, (*pair, judge)) for judge in columns)] for pair in pairs],
     )
+
+
+def shown_verdicts(claim: str, subset: str) -> pd.DataFrame:
+    """Returns the rows of a claim with boxes at scan time. PointPillars is the only network."""
+    table = _claims_with_enough_replicates()
+    shown = (table["judge"] != "from nothing") | (table.detector == "pointpillars")
+    return table[
+        shown & (table.claim == claim) & (table.subset == subset) & (table.label_time == "scan")
+    ]
 
 
 def _claims_with_enough_replicates() -> pd.DataFrame:
@@ -89,7 +94,9 @@ def _verdict(rows: pd.DataFrame, key: tuple[str, ...]) -> str:
     return f"{row.value:+.1f} [{row.low:.1f}, {row.high:.1f}], {row.verdict}"
 
 
-def _aps(subset: str, setup: str = "fine-tuned") -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
+def aps_of(
+    subset: str, setup: str = "fine-tuned"
+) -> Iterator[tuple[tuple[str, str], pd.DataFrame]]:
     """Yields the AP of each scene and preset: one row per replicate and one column per LiDAR.
 
     The replicates are those of the verdicts.
@@ -112,7 +119,7 @@ def average_precision(subset: str = "captured") -> str:
     """Returns the AP of the fine-tuned detector: one row per scene and preset."""
     heads = ["scene", "preset", "128 lines", "Avia (crossroad: 5)", "64 lines", "16 lines"]
     rows = []
-    for pair, aps in _aps(subset):
+    for pair, aps in aps_of(subset):
         avia = next((name for name in aps if "avia" in name), "livox_avia")
         names = ["ruby_plus", avia, "pandar_64", "helios_16"]
         rows.append([*pair, *(mean_of_ap(aps[name]) if name in aps else "" for name in names)])
@@ -187,10 +194,10 @@ def claims_of_detectors() -> str:
 
 def bias() -> str:
     """Returns by how much the AP of the pretrained detector rises when it is fine-tuned."""
-    before = dict(_aps("captured", "pretrained"))
+    before = dict(aps_of("captured", "pretrained"))
     gains = [
         (pair, (aps - before[pair]).dropna(how="all"))
-        for pair, aps in _aps("captured")
+        for pair, aps in aps_of("captured")
         if pair in before
     ]
     heads = ["scene", "preset", "LiDAR", "AP gained by fine-tuning"]
@@ -208,7 +215,7 @@ def value(preset: str) -> str:
     heads = ["scene", "LiDAR", "price, USD", "AP of `present`", f"AP {LEVEL_AP:g} reached"]
     heads += [f"AP per 1,000 USD with {cost:,} of site costs" for cost in SITE_COSTS_USD]
     rows = []
-    for (scene, of), aps in _aps("present"):
+    for (scene, of), aps in aps_of("present"):
         for lidar in prices[list(aps)].sort_values().index if of == preset else ():
             per = [1000 * aps[lidar].mean() / (prices[lidar] + cost) for cost in SITE_COSTS_USD]
             cells = [scene, _name(lidar), f"{prices[lidar]:,.0f}", mean_of_ap(aps[lidar])]

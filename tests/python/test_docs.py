@@ -17,6 +17,7 @@ from pyinfra.cli import main
 from pyinfra.formats import kitti
 from pyinfra.formats.pcd_file import write_pcd
 from reproduction.commands import tables
+from reproduction.tables import figures
 
 pytest.importorskip("torch", reason="the extra `train` is not installed")
 
@@ -198,6 +199,14 @@ def test_tables_of_the_pages_are_what_make_docs_writes() -> None:
     made = {"table": [*tables.TABLES, *tables.FRAMES], "text": tables.TEXTS}
     assert sorted(blocks) == sorted((kind, name) for kind, names in made.items() for name in names)
     assert [p.name for p in tables.PAGES if tables.rewritten(p) != p.read_text()] == []
+
+
+def test_figures_of_the_pages_show_the_present_results() -> None:
+    names = set(figures.FIGURES)
+    assert [name for name in sorted(names) if not figures.is_current(name, tables.PICTURES)] == []
+    assert {file.stem for file in tables.PICTURES.iterdir()} == names
+    pages = "".join(page.read_text() for page in tables.PAGES)
+    assert set(re.findall(r"pictures/results/(\w+)\.svg", pages)) == names
 
 
 def test_the_first_screen_of_the_readme_is_short() -> None:

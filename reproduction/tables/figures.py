@@ -1,0 +1,213 @@
+"""The first figures of the pages of results, from results/*.csv."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pyinfra.core.files import replacing
+from pyinfra.experiments.stress.stressors import NONE
+from pyinfra.metrics.comparison import over_replicates
+from pyinfra.viz.picture_style import COLOURS, STYLE
+from reproduction.commands.verdicts import LEVEL_AP, WIDE
+from reproduction.tables.common import LIDARS, results
+from reproduction.tables.verdicts import (
+    AVIA,
+    JUDGES,
+    TRAINED,
+    aps_of,
+    means_of_detectors,
+    shown_verdicts,
+)
+
+SIZE_IN = (6.4, 3.0)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+SVG: Any = {"svg.fonttype": "none", "svg.hashsalt": "infrasim"}
+DECIDE = ("fine-tuned", "from nothing")  # detectors that are trained for each LiDAR
+DETECTOR_SCENE = ("highway", "paper")
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure: the rows that it shows, and the function that draws them."""
+
+    rows: Callable[[], pd.DataFrame]
+    draw: Callable[[pd.DataFrame], Figure]
+
+
+def rows_of_claim(claim: str, subset: str = "captured") -> pd.DataFrame:
+    """Returns value, low and high of a claim by scene, preset and the detectors that decide."""
+    table = shown_verdicts(claim, subset)
+    table = table[table["judge"].isin(DECIDE)].dropna(subset=["value"])
+    where = table.scene + ", " + table.preset
+    columns = table[["value", "low", "high"]]
+    return columns.assign(row=where, series=table["judge"].map(JUDGES)).reset_index(drop=True)
+
+
+def draw_intervals(rows: pd.DataFrame, label: str, holds: tuple[float, float]) -> Figure:
+    """Draws a row for each scene and preset. holds: where an interval must lie for the claim."""
+    figure, ax = _empty()
+    names, series = list(rows.row.unique()), list(rows.series.unique())
+    for number, (name, part) in enumerate(rows.groupby("series", sort=False)):
+        y = part.row.map(names.index) + 0.24 * (number - (len(series) - 1) / 2)
+        ends = [part.value - part.low, part.high - part.value]
+        style: Any = {"color": COLOURS[number], "fmt": MARKERS[number], "markersize": 4}
+        ax.errorbar(part.value, y, xerr=ends, capsize=2, label=str(name), **style)
+    left, right = ax.get_xlim()
+    ax.axvspan(max(left, holds[0]), min(right, holds[1]), color="0.92", zorder=0)
+    ax.axvline(0, color="0.4", linewidth=0.6)
+    ax.set(yticks=range(len(names)), yticklabels=names, xlabel=label, xlim=(left, right))
+    ax.invert_yaxis()
+    return _finished(figure, ax)
+
+
+def rows_of_prices() -> pd.DataFrame:
+    """Returns AP of `present` with its interval, and the price, by scene, preset and LiDAR."""
+    prices = results("lidars").drop_duplicates("lidar").set_index("lidar").price_high_usd
+    rows = []
+    for (scene, preset), aps in aps_of("present"):
+        for lidar in aps:
+            mean = over_replicates(aps[lidar].to_list())
+            key = (f"{scene}, {preset}", prices[lidar], LIDARS.get(lidar, "5 Avias"))
+            rows.append((*key, mean.value, mean.low, mean.high))
+    return pd.DataFrame(rows, columns=["series", "x", "name", "value", "low", "high"])
+
+
+def draw_prices(rows: pd.DataFrame) -> Figure:
+    figure, ax = _empty()
+    for number, (name, part) in enumerate(rows.groupby("series", sort=False)):
+        line = part.sort_values("x")
+        style: Any = {"color": COLOURS[number // 2], "linestyle": ("-", "--")[number % 2]}
+        ax.plot(line.x, line.value, marker=MARKERS[number], markersize=4, label=str(name), **style)
+    ax.axhline(LEVEL_AP, color="0.4", linewidth=0.6)
+    ax.set(xscale="log", xlabel="price, USD", ylabel="AP (R1000) of all vehicles")
+    ticks = sorted(rows.x.unique())
+    names = rows.drop_duplicates("x").set_index("x").name
+    ax.set_xticks(ticks, [f"{names[x]}\n{x:,.0f}" for x in ticks], fontsize=6)
+    ax.minorticks_off()
+    return _finished(figure, ax)
+
+
+def rows_of_detectors() -> pd.DataFrame:
+    """Returns AP and milliseconds of a frame by detector and LiDAR, on the highway."""
+    aps, _, times = means_of_detectors(*DETECTOR_SCENE)
+    rows = [
+        (TRAINED[key], LIDARS[lidar], times[key], aps.loc[key, lidar])
+        for key in TRAINED
+        if key in aps.index and key in times.index
+        for lidar in (WIDE, AVIA)
+    ]
+    return pd.DataFrame(rows, columns=["series", "lidar", "x", "value"])
+
+
+def draw_detectors(rows: pd.DataFrame) -> Figure:
+    figure, ax = _empty()
+    for number, (name, part) in enumerate(rows.groupby("series", sort=False)):
+        style: Any = {"color": COLOURS[number % len(COLOURS)], "marker": MARKERS[number]}
+        ax.plot(part.x, part.value, linewidth=0.6, markersize=0, **style)
+        for lidar, row in part.set_index("lidar").iterrows():
+            filled = lidar == LIDARS[WIDE]
+            label = str(name) if filled else None
+            face = style["color"] if filled else "none"
+            ax.plot(row.x, row.value, linestyle="none", markerfacecolor=face, label=label, **style)
+    label = "AP (R1000) of captured vehicles\nfilled: 128 lines, empty: Avia"
+    ax.set(xscale="log", xlabel="time of a frame on one thread, ms", ylabel=label)
+    return _finished(figure, ax)
+
+
+def rows_of_stress() -> pd.DataFrame:
+    """Returns the change of the mean AP over seeds by stressor, severity and LiDAR.
+
+    The detector is the fine-tuned one. Stressors with named severities are left out.
+    """
+    table = results("stress_seeds")
+    table = table[(table.setup == "fine-tuned") & table.lidar.isin(LIDARS)]
+    table = table.assign(severity=pd.to_numeric(table.severity, errors="coerce")).dropna(
+        subset=["severity", "ap_r1000"]
+    )
+    keys = ["stressor", "unit", "lidar", "severity"]
+    unstressed = table[table.stressor == NONE.name].groupby("lidar").ap_r1000.mean()
+    means = table[table.stressor != NONE.name].fillna({"unit": ""}).groupby(keys, sort=False)
+    rows = means.ap_r1000.mean().reset_index(name="value")
+    return rows.assign(value=rows.value - rows.lidar.map(unstressed))
+
+
+def draw_stress(rows: pd.DataFrame) -> Figure:
+    stressors = list(rows.stressor.unique())
+    columns = 3
+    lines = -(-len(stressors) // columns)
+    figure = Figure(figsize=(SIZE_IN[0], 1.4 * lines), layout="constrained")
+    axes = figure.subplots(lines, columns, sharey=True, squeeze=False).ravel()
+    for ax, name in zip(axes, stressors, strict=False):
+        part = rows[rows.stressor == name]
+        for number, lidar in enumerate(rows.lidar.unique()):
+            line = part[part.lidar == lidar].sort_values("severity")
+            style: Any = {"marker": MARKERS[number], "markersize": 3, "color": COLOURS[number]}
+            ax.plot(line.severity, line.value, linewidth=1, label=LIDARS[lidar], **style)
+        ax.set_title(f"{name}, {part.unit.iloc[0]}")
+    for ax in axes[len(stressors) :]:
+        ax.remove()
+    for ax in axes[::columns]:
+        ax.set_ylabel("change of AP")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return figure
+
+
+def _empty() -> tuple[Figure, Axes]:
+    figure = Figure(figsize=SIZE_IN, layout="constrained")
+    return figure, figure.subplots()
+
+
+def _finished(figure: Figure, ax: Axes) -> Figure:
+    ax.grid(alpha=0.3, linewidth=0.4)
+    entries = ax.get_legend_handles_labels()
+    figure.legend(*entries, loc="outside lower center", ncols=3)
+    return figure
+
+
+CLAIM = partial(draw_intervals, holds=(0.0, 1e9))
+FIGURES: dict[str, Picture] = {  # by the name of the file in docs/pictures/results
+    "comparable": Picture(
+        partial(rows_of_claim, "comparable"),
+        partial(draw_intervals, label="AP of the Avia minus 128 lines", holds=(-3.0, 3.0)),
+    ),
+    "gentle": Picture(
+        partial(rows_of_claim, "gentle"),
+        partial(CLAIM, label="decrease of AP with distance, best spinning LiDAR minus Avia"),
+    ),
+    "areas": Picture(
+        partial(rows_of_claim, "areas"),
+        partial(CLAIM, label="share of high-quality areas (%), Avia minus 128 lines"),
+    ),
+    "value": Picture(rows_of_prices, draw_prices),
+    "detectors": Picture(rows_of_detectors, draw_detectors),
+    "stress": Picture(rows_of_stress, draw_stress),
+}
+
+
+def digest(rows: pd.DataFrame) -> str:
+    return hashlib.sha256(rows.to_csv(index=False, float_format="%.5g").encode()).hexdigest()[:16]
+
+
+def is_current(name: str, folder: Path) -> bool:
+    """Returns whether the file of a figure shows the present rows."""
+    file = folder / f"{name}.svg"
+    return file.is_file() and digest(FIGURES[name].rows()) in file.read_text(encoding="utf-8")
+
+
+def write(name: str, folder: Path) -> None:
+    """Draws a figure. The digest of its rows is in the file, so that a stale file is found."""
+    rows = FIGURES[name].rows()
+    folder.mkdir(parents=True, exist_ok=True)
+    with mpl.rc_context({**STYLE, **SVG}), replacing(folder / f"{name}.svg") as beside:
+        figure = FIGURES[name].draw(rows)
+        figure.savefig(beside, format="svg", metadata={"Date": None, "Identifier": digest(rows)})
