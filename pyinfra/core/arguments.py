@@ -109,8 +109,9 @@ def _check_range(value: Any, limits: Range, name: str) -> None:
     least, most = limits
     for number in value if isinstance(value, (list, tuple)) else [value]:
         if isinstance(number, (int, float)) and not least <= number <= most:
-            upper = f"{least:g} to {most:g}" if most < math.inf else f"{least:g} or more"
-            raise Error(f"{name}: expected {upper}, got {number:g}")
+            low, high, got = (f"{x}" if isinstance(x, int) else f"{x:g}" for x in (*limits, number))
+            upper = f"{low} to {high}" if most < math.inf else f"{low} or more"
+            raise Error(f"{name}: expected {upper}, got {got}")
 
 
 @cache

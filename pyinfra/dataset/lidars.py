@@ -61,6 +61,11 @@ def presets_of(file: Path) -> tuple[str, ...]:
     return presets
 
 
+def price_source(file: Path) -> str:
+    """Returns where the price of a LiDAR comes from; for a bundle, that of all its units."""
+    return str(_plain(file)["price_source"])
+
+
 def read_sheet(file: Path, preset: str = "", *, every_preset: bool = True) -> LidarSheet:
     """Returns a LiDAR's summary.
 

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.errors import FormatError
+from pyinfra.core.names import suggestion
 
 # Names of the text columns in the tables of this project. All other columns are numbers.
 WORDS = frozenset(
@@ -104,6 +105,25 @@ def read_csv(
         for name, column in table.items()
     }
     return pd.DataFrame(columns, index=table.index, columns=table.columns)
+
+
+def check_columns(
+    file: Path, table: pd.DataFrame, known: Collection[str], suggested: Collection[str] = ()
+) -> None:
+    """Raises FormatError for a column that is not known. suggested: names for the message."""
+    for name in table:
+        if name not in known:
+            near = suggestion(name, suggested or known)
+            raise FormatError(f"{file}:1: expected known columns, got '{name}'{near}")
+
+
+def expect(file: Path, column: pd.Series, good: pd.Series, expected: str) -> None:
+    """Raises FormatError for the first row of a column that is not good."""
+    if not good.all():
+        row = int(good.to_numpy(bool).argmin())
+        value = column.iloc[row]
+        shown = f"'{value}'" if isinstance(value, str) else f"{value:g}".replace("nan", "none")
+        raise FormatError(f"{file}:{row + 2}: {column.name}: expected {expected}, got {shown}")
 
 
 def read_words(file: Path, separator: str = ",") -> pd.DataFrame:

@@ -31,6 +31,7 @@ from pyinfra.experiments.planner import detectability as laws
 from reproduction import ROOT, provenance
 from reproduction.arguments import Out, Work, command
 from reproduction.detectability import check
+from reproduction.detectability.fit import fit_detection, fit_false
 from reproduction.detectability.runs import (
     DETECTORS,
     Run,
@@ -73,14 +74,14 @@ def fit(
     x, y, site = np.concatenate(terms), np.concatenate(scores), np.concatenate(sites)
     counts, per_frame, weights = np.array(false), np.array(seen), np.array(of_frames)
     places = np.unique(of_site)
-    detection: list[FloatArray] = [laws.fit_detection(x, y)]
-    rates: list[FloatArray] = [laws.fit_false(counts, per_frame, weights)]
+    detection: list[FloatArray] = [fit_detection(x, y)]
+    rates: list[FloatArray] = [fit_false(counts, per_frame, weights)]
     for _ in range(REPLICATES):
         times = np.bincount(rng.integers(len(places), size=len(places)), minlength=len(places))
         of_row = times[np.searchsorted(places, site)].astype(float)
-        detection.append(laws.fit_detection(x, y, of_row))
+        detection.append(fit_detection(x, y, of_row))
         of_run = times[np.searchsorted(places, of_site)].astype(float)
-        rates.append(laws.fit_false(counts, per_frame, weights * of_run))
+        rates.append(fit_false(counts, per_frame, weights * of_run))
     return {"detection": np.round(detection, 4).tolist(), "false": np.round(rates, 4).tolist()}
 
 

@@ -28,11 +28,11 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.experiments import store as rows_store
 from pyinfra.experiments.planner.candidates import POSE, PoseGrid
-from pyinfra.experiments.planner.check import simulate_option, standing
-from pyinfra.experiments.planner.costs import read_costs
+from pyinfra.experiments.planner.check import standing
+from pyinfra.experiments.planner.costs import open_lidars, read_costs
 from pyinfra.experiments.planner.detectability import CUT, read_detectability
-from pyinfra.experiments.planner.lidars import open_lidars
 from pyinfra.experiments.planner.plan import plan
+from pyinfra.experiments.planner.simulate import simulate_option
 from pyinfra.metrics.comparison import over_replicates
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command

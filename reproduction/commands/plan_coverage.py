@@ -20,9 +20,10 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.experiments import store
 from pyinfra.experiments.planner.candidates import PoseGrid
-from pyinfra.experiments.planner.check import simulate_option, standing
-from pyinfra.experiments.planner.lidars import open_lidars
+from pyinfra.experiments.planner.check import standing
+from pyinfra.experiments.planner.costs import open_lidars
 from pyinfra.experiments.planner.plan import plan
+from pyinfra.experiments.planner.simulate import simulate_option
 from pyinfra.experiments.planner.site import frame_order
 from pyinfra.experiments.planner.tables import units_at
 from pyinfra.metrics.comparison import over_replicates

@@ -20,6 +20,7 @@ from pyinfra.experiments.planner import detectability as laws
 from pyinfra.metrics.comparison import over_replicates
 from reproduction.commands.experiments import at_catalogue_law, at_own_cut_angle
 from reproduction.detectability import empty_scene
+from reproduction.detectability.fit import average_precision
 from reproduction.detectability.runs import (
     CHECK_SEEDS,
     Outcome,
@@ -45,9 +46,7 @@ def predicted(outcome: Outcome, law: laws.Law) -> dict[str, float]:
     seen = vehicles[vehicles.points > 0]
     terms = laws.object_terms(seen)
     p = laws.detection_probability(law.detection[0], terms, laws.CUT)
-    ap = laws.average_precision(
-        law.detection[0], law.false[0], terms, len(vehicles), outcome.frames
-    )
+    ap = average_precision(law.detection[0], law.false[0], terms, len(vehicles), outcome.frames)
     rate = laws.false_per_frame(law.false[0], laws.CUT, len(seen) / outcome.frames)
     return {
         "ap_predicted": ap,

@@ -22,7 +22,7 @@ from pyinfra.core.files import replacing
 from pyinfra.core.vocabulary import OBJECT_NAMES, PERSON_TYPES
 from pyinfra.dataset.simulation import Lidar
 from pyinfra.dataset.world_frame import to_world
-from pyinfra.experiments.planner.measure import frames_at
+from pyinfra.experiments.planner.simulate import frames_at
 from pyinfra.experiments.planner.site import PlanSite, open_site
 
 VOXEL_M = (1.0, 1.0, 0.5)

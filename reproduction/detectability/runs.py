@@ -25,13 +25,9 @@ from pyinfra.experiments.planner.candidates import (
     make_candidates,
     with_faults,
 )
-from pyinfra.experiments.planner.measure import (
-    Measured,
-    detector_for,
-    frames_at,
-    measure_frames,
-)
+from pyinfra.experiments.planner.simulate import Measured, detector_for, frames_at, measure_frames
 from pyinfra.experiments.planner.site import PlanSite, open_site
+from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.models.inference.boxes_table import detect
 from pyinfra.scenes.generator.generate import make_site
 
@@ -147,11 +143,21 @@ def store(run: Run, frames: int, work: Path) -> None:
     arrays: dict[str, object] = {"frames": len(site.frames)}
     for name, result in results.items():
         arrays[f"ap_{name}"] = float(result.vehicles.ap.ap_r1000.iloc[0])
-        arrays[f"false_{name}"] = result.false_scores()
-        arrays[f"false_people_{name}"] = result.false_scores(person=True)
+        arrays[f"false_{name}"] = boxes_of(result.vehicles, "false positive").score.to_numpy(float)
+        arrays[f"false_people_{name}"] = boxes_of(result.people, "false positive").score.to_numpy(
+            float
+        )
     with replacing(file) as beside, beside.open("wb") as stream:
         np.savez_compressed(stream, objects=objects.to_records(index=False), **arrays)  # type: ignore[arg-type]
     print(f"{run.name}: {time.process_time() - started:.1f} CPU s", flush=True)
+
+
+def boxes_of(result: Evaluation | None, outcome: str) -> pd.DataFrame:
+    """Returns frame, id and score of the boxes with an outcome."""
+    if result is None:
+        return pd.DataFrame({"frame": [], "id": [], "score": []}, dtype=float)
+    rows = result.matches[result.matches.outcome == outcome]
+    return rows[["frame", "object_id", "score"]].rename(columns={"object_id": "id"})
 
 
 def objects_of(
@@ -162,8 +168,8 @@ def objects_of(
     key = ["frame", "id"]
     table = site.present.merge(seen.drop(columns="lidar"), how="left", on=key)
     for name, result in results.items():
-        parts = [part for p in (False, True) if len(part := result.detected(person=p))]
-        scores = pd.concat(parts) if parts else result.detected()
+        both = [boxes_of(one, "true positive") for one in (result.vehicles, result.people)]
+        scores = pd.concat([part for part in both if len(part)] or both)
         scores = scores.rename(columns={"score": f"score_{name}"}).astype(dict.fromkeys(key, int))
         table = table.merge(scores, how="left", on=key)
     table["type"] = table["type"].astype("S12")

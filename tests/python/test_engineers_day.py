@@ -17,8 +17,8 @@ import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.dataset import catalogue
 from pyinfra.experiments.planner import sensitivity
-from pyinfra.experiments.planner.lidars import open_lidars
-from pyinfra.experiments.planner.measure import frames_at
+from pyinfra.experiments.planner.costs import open_lidars
+from pyinfra.experiments.planner.simulate import frames_at
 from pyinfra.experiments.planner.site import open_site
 from pyinfra.formats.ply import read_ply
 from pyinfra.scenes.maps import site_traffic, traffic

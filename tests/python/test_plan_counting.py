@@ -1,18 +1,21 @@
 """Counts of an option: passages of tracks against true passages, and the line of the answer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import pyinfra as pi
-from pyinfra.experiments.planner import counting
-from pyinfra.experiments.planner.counting import Counting, count_line, count_option
+from pyinfra.experiments.planner import simulate
+from pyinfra.experiments.planner.answer import count_line
+from pyinfra.experiments.planner.simulate import Counting, count_option
 from pyinfra.experiments.planner.site import open_site
 
 POSE = (-25.0, -10.0, 6.0, 0.0, 0.0)
 
 
 def test_with_true_boxes_nearly_all_passages_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(counting, "detect", lambda _, frames: frames.objects.assign(score=0.9))
+    monkeypatch.setattr(simulate, "detect", lambda _, frames: frames.objects.assign(score=0.9))
     parts = [(POSE, pi.load_lidar("helios_16"))]
     found = count_option(open_site("crossroad", 4), parts, "generalist", seconds=8)
     assert found.seconds == 8
@@ -42,6 +45,15 @@ def test_the_line_says_whether_the_goal_is_met(counted: int, words: str) -> None
 def test_without_passages_nothing_is_claimed() -> None:
     line = count_line(Counting(2, 0, 0, 0, np.nan), 0.95)
     assert line == "Counts: no vehicle passes a line in 2 s of traffic."
+    line = count_line(Counting(2, 0, 0, 0, np.nan, has_lines=False), 0.95)
+    assert line == "Counts: no line can be drawn across the roads of the site."
+
+
+def test_a_site_on_whose_roads_no_line_can_be_drawn_is_told_apart() -> None:
+    site = open_site("crossroad", 4)
+    parts = [(POSE, pi.load_lidar("helios_16"))]
+    found = count_option(replace(site, roads=()), parts, "generalist", seconds=2)
+    assert (found.has_lines, found.passages) == (False, 0)
 
 
 def test_a_share_that_is_none_is_refused() -> None:

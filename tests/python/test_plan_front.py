@@ -10,11 +10,9 @@ import pytest
 from pyinfra.experiments.planner import detectability as laws
 from pyinfra.experiments.planner.areas import Area
 from pyinfra.experiments.planner.choice import Choice, Units
-from pyinfra.experiments.planner.costs import read_costs
-from pyinfra.experiments.planner.front import Goal, front_options, goals_of, with_objects
-from pyinfra.experiments.planner.lidars import open_lidars
-from pyinfra.experiments.planner.race import Objects
-from pyinfra.experiments.planner.request import Request
+from pyinfra.experiments.planner.costs import open_lidars, read_costs
+from pyinfra.experiments.planner.front import front_options
+from pyinfra.experiments.planner.request import Goal, Request, goals_of, with_objects
 from pyinfra.experiments.planner.site import open_site
 
 COUNT, OBJECTS = 9, 30
@@ -100,12 +98,10 @@ def test_goals_are_classes_within_distances_and_areas() -> None:
     table = pd.DataFrame(
         {"x": [20.0, 70.0, 0.0], "y": [0.0, 0.0, 40.0], "person": [False, False, True]}
     )
-    ones = np.ones(3)
-    objects = Objects(table, ones, ones.astype(bool), np.zeros(3, int), 1)
     stop = Area("stop", 70, 0, 5)
     site = replace(open_site("crossroad", 1), centre=np.zeros(2))
     law = laws.read_detectability("generalist")
-    goals = goals_of(site, objects, law, Request(9000, within_m=60, areas=(stop,)))
+    goals = goals_of(site, table, law, Request(9000, within_m=60, areas=(stop,)))
     assert [(one.column, one.counted.tolist()) for one in goals] == [
         ("recall", [True, False, False]),
         ("people_recall", [False, False, True]),
@@ -113,7 +109,7 @@ def test_goals_are_classes_within_distances_and_areas() -> None:
         ("people_recall_within_90_m", [False, False, True]),
         ("recall_stop", [False, True, False]),
     ]
-    others = replace(objects, table=table.iloc[[2, 1, 1]])
+    others = table.iloc[[2, 1, 1]]
     again = with_objects(goals, site, others, law, Request(9000, within_m=60, areas=(stop,)))
     assert [(one.column, one.counted.tolist()) for one in again] == [
         ("recall", [False, False, False]),
@@ -123,4 +119,4 @@ def test_goals_are_classes_within_distances_and_areas() -> None:
         ("recall_stop", [False, True, True]),
     ]
     blind = laws.read_detectability("background")
-    assert {one.what for one in goals_of(site, objects, blind, Request(9000))} == {"vehicles"}
+    assert {one.what for one in goals_of(site, table, blind, Request(9000))} == {"vehicles"}

@@ -204,7 +204,7 @@ def test_frames_without_vehicles_give_no_recall(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """No vehicle is near in the rainy frames."""
-    monkeypatch.setattr("pyinfra.experiments.planner.plan.other_traffic", without_traffic)
+    monkeypatch.setattr("pyinfra.experiments.planner.sensitivity.other_traffic", without_traffic)
     result = pi.plan(folder / "small.yaml", 9000, **TINY)
     assert "nan" not in result.text
     assert not result.sensitivity.case.str.startswith("rain").any()

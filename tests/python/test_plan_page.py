@@ -11,11 +11,10 @@ import pytest
 from plan_page_data import LIDARS
 
 from pyinfra.cli import main
-from pyinfra.experiments.planner.costs import read_costs
+from pyinfra.experiments.planner.costs import lowest_prices, read_costs
 from pyinfra.experiments.planner.detectability import read_detectability
 from pyinfra.experiments.planner.front import CELL_M
 from pyinfra.experiments.planner.plan import Plan
-from pyinfra.experiments.planner.refusals import lowest_prices
 from pyinfra.experiments.planner.site import other_traffic
 from pyinfra.formats.ply import Triangles, write_ply
 from pyinfra.viz.plan_page.page import LARGEST_MB, render, write_plan_page

@@ -14,16 +14,15 @@ from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.fused import fused
 from pyinfra.experiments.planner import answer
 from pyinfra.experiments.planner import detectability as laws
-from pyinfra.experiments.planner.answer import verdict_lines
-from pyinfra.experiments.planner.check import Found, paired, share
+from pyinfra.experiments.planner.answer import price_line, verdict_lines
+from pyinfra.experiments.planner.check import paired, share
 from pyinfra.experiments.planner.choice import Choice, Units
-from pyinfra.experiments.planner.costs import read_costs
-from pyinfra.experiments.planner.decide import PRICES, Move, with_prices
-from pyinfra.experiments.planner.lidars import open_lidars
-from pyinfra.experiments.planner.measure import frames_at
+from pyinfra.experiments.planner.costs import open_lidars, read_costs
+from pyinfra.experiments.planner.notes import how_chosen
 from pyinfra.experiments.planner.predict import UNKNOWN
 from pyinfra.experiments.planner.request import Request
-from pyinfra.experiments.planner.sensitivity import cases_of, losses, price_line
+from pyinfra.experiments.planner.sensitivity import PRICES, Move, cases_of, losses, with_prices
+from pyinfra.experiments.planner.simulate import Found, frames_at
 from pyinfra.experiments.planner.site import PlanSite, choice_end, open_site, other_traffic
 from pyinfra.experiments.planner.verdict import Standing, in_order, verdict
 from pyinfra.metrics.comparison import Interval
@@ -79,7 +78,7 @@ def test_the_kinds_of_prices_add_up_to_the_price(units: Units) -> None:
     now = units.price([0, 2]).middle
     more = {kind: with_prices(units, kind, 1.2).price([0, 2]).middle - now for kind in PRICES}
     assert more["all prices"] == pytest.approx(0.2 * now)
-    lidars_usd = 2 * units.lidars[0].price_usd
+    lidars_usd = 2 * units.lidars[0].price_usd.middle
     assert more["LiDAR prices"] == pytest.approx(0.2 * lidars_usd)
     parts = units.costs.parts([units.lidars[0]] * 2, 2, 2)
     per_pole = [parts[name] for name in ("pole_usd", "installation_usd", "upkeep_usd")]
@@ -216,8 +215,8 @@ def notes_of(units: Units, request: Request, site: PlanSite, every: pd.DataFrame
     rows = pd.DataFrame({"option": [1], "poles": [2], "share": [90.0], "price_usd": [9000.0]})
     first = [(chosen(units, 0, 2), standing(0.9))]
     lines = [
-        *answer.doubts(first, request, law, units.costs, units, site, every),
-        *answer.how_chosen(first, rows, request, units),
+        *answer.doubts(first[0], request, law, units, site, every),
+        *how_chosen(first, rows, request, units),
     ]
     return " ".join(lines)
 

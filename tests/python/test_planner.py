@@ -24,17 +24,22 @@ from pyinfra.experiments.planner.candidates import (
     off_carriageways,
     with_faults,
 )
-from pyinfra.experiments.planner.choice import Units, greedy, pairs, singles, upper_bound
-from pyinfra.experiments.planner.costs import read_costs
-from pyinfra.experiments.planner.decide import considered
-from pyinfra.experiments.planner.lidars import open_lidars
-from pyinfra.experiments.planner.measure import frames_at
-from pyinfra.experiments.planner.observe import observe
-from pyinfra.experiments.planner.race import is_worse, weighted_objects
-from pyinfra.experiments.planner.refusals import check_site
+from pyinfra.experiments.planner.choice import (
+    Units,
+    considered,
+    greedy,
+    pairs,
+    singles,
+    upper_bound,
+)
+from pyinfra.experiments.planner.costs import open_lidars, read_costs
+from pyinfra.experiments.planner.observe import check_site, observe, weighted_objects
+from pyinfra.experiments.planner.race import is_worse
 from pyinfra.experiments.planner.request import Request
+from pyinfra.experiments.planner.simulate import frames_at
 from pyinfra.experiments.planner.site import PlanSite, frame_order, open_site
 from pyinfra.viz.plan_page import site_map
+from reproduction.detectability.fit import average_precision, fit_detection
 
 FEW = pi.PoseGrid(every_m=40, heights_m=(5.0,), pitches_deg=(0.0,), yaws=1)
 
@@ -132,7 +137,7 @@ def test_pairs_are_the_best_of_all_pairs() -> None:
         for pair in itertools.combinations(range(12), 2)
         if some.place[pair[0]] != some.place[pair[1]]
     ]
-    best = pairs(some, 1e9, poles=2, per_pole=1)[0]
+    best = pairs(some, Request(1e9, poles=2))[0]
     assert best.value == pytest.approx(max(every))
     assert best.gap == pytest.approx(0, abs=1e-6)
     assert singles(some, 1e9)[0].value == pytest.approx(max(some.value([u]) for u in range(12)))
@@ -152,16 +157,16 @@ def test_options_at_the_same_position_are_listed_once_with_the_best_pose() -> No
 
 def test_prices_of_pairs_are_those_of_their_parts() -> None:
     some = units()
-    best = pairs(some, 1e9, poles=2, per_pole=2)
+    best = pairs(some, Request(1e9, poles=2, lidars_per_pole=2))
     assert any(some.place[a] == some.place[b] for a, b in (one.units for one in best))
     least = min(one.price.middle for one in best)
-    assert pairs(some, least - 1, poles=2, per_pole=2) == []
-    assert pairs(some, least + 1, poles=2, per_pole=2)
+    assert pairs(some, Request(least - 1, poles=2, lidars_per_pole=2)) == []
+    assert pairs(some, Request(least + 1, poles=2, lidars_per_pole=2))
 
 
 def test_no_set_exceeds_the_bound_of_the_greedy_search() -> None:
     some = units()
-    option = greedy(some, 1e9, poles=3, per_pole=1)
+    option = greedy(some, Request(1e9, poles=3))
     assert option is not None
     every = [
         some.value(three)
@@ -197,7 +202,7 @@ def test_the_laws_recover_made_up_coefficients() -> None:
     odds = terms @ true + rng.logistic(size=count)
     # an object is found at score s if odds minus the score term is above 0
     scores = 1 / (1 + np.exp(-odds))
-    fitted = laws.fit_detection(terms, scores)
+    fitted = fit_detection(terms, scores)
     for cut in (0.2, 0.5, 0.8):
         p = laws.detection_probability(fitted, terms, cut)
         assert p.mean() == pytest.approx((scores >= cut).mean(), abs=0.02)
@@ -213,9 +218,9 @@ def test_a_perfect_detector_has_ap_100_and_a_blind_one_0() -> None:
     sure, none = np.zeros(12), np.zeros(12)
     sure[0], none[0] = 30, -30
     never = np.array([-30.0, 0, 0, 0])
-    assert laws.average_precision(sure, never, terms, 9, 3) == pytest.approx(100)
-    assert laws.average_precision(sure, never, terms, 18, 3) == pytest.approx(50)
-    assert laws.average_precision(none, never, terms, 9, 3) == pytest.approx(0, abs=1e-6)
+    assert average_precision(sure, never, terms, 9, 3) == pytest.approx(100)
+    assert average_precision(sure, never, terms, 18, 3) == pytest.approx(50)
+    assert average_precision(none, never, terms, 9, 3) == pytest.approx(0, abs=1e-6)
 
 
 def test_plan_writes_its_tables_and_resumes(tmp_path: Path) -> None:

@@ -15,28 +15,34 @@ from pyinfra.dataset import simulation
 from pyinfra.dataset.frames_version import other_frames
 from pyinfra.experiments.fairness import caveat
 from pyinfra.experiments.planner.candidates import POSE
-from pyinfra.experiments.planner.choice import Choice, Units, most_units
-from pyinfra.experiments.planner.costs import CORES, Costs, Range
+from pyinfra.experiments.planner.choice import Choice, Units
+from pyinfra.experiments.planner.costs import CORES
 from pyinfra.experiments.planner.detectability import Detectability
+from pyinfra.experiments.planner.notes import how_chosen, left_out, usd
+from pyinfra.experiments.planner.observe import Setting
+from pyinfra.experiments.planner.predict import UNKNOWN
 from pyinfra.experiments.planner.request import Request
+from pyinfra.experiments.planner.sensitivity import PERCENT, RAIN, Move
+from pyinfra.experiments.planner.simulate import Counting
 from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.experiments.planner.verdict import (
+    LISTED,
+    PREDICTED,
     SIMULATED,
+    Compared,
     Standing,
+    Standings,
     Verdict,
-    most_false,
     verdict,
 )
 from pyinfra.experiments.requirements import unlike
 from pyinfra.metrics.comparison import Interval
 from pyinfra.scenes.maps.site_traffic import lacking_traffic
 
-LISTED = 3  # options that are described in full
-REASONS = 4  # reasons of left-out poses that are listed
 FOOT_M = 0.3048
 FEET_M = 12.0  # height above the road from which a height in metres may be one in feet
 MOST_FRAMES = 2000  # frames of a simulation that is proposed
-Options = Sequence[tuple[Choice, Standing]]
+Option = tuple[Choice, Standing]
 
 
 @dataclass(frozen=True)
@@ -56,31 +62,30 @@ class Answer:
 
 
 def answer_of(
-    site: PlanSite,
-    request: Request,
-    law: Detectability,
-    costs: Costs,
-    options: Options,
+    compared: Compared,
+    setting: Setting,
     rows: pd.DataFrame,
     every: pd.DataFrame,
-    units: Units,
-    changes: Sequence[str],
-    frames: int,
+    moves: Sequence[Move],
+    sensitivity: pd.DataFrame,
+    counting: Counting | None,
 ) -> Answer:
-    """Makes the sentences.
-
-    options: those that are listed. rows, every: the tables of options and candidates. changes: a
-    line on prices, and one on failures, rain and yaw. frames: those that were simulated.
-    """
+    """Makes the sentences. rows, every: the tables of options and candidates."""
+    site, request, units = setting.site, setting.request, compared.units
+    options = compared.stands[: compared.listed]
+    frames = len(site.other_frames(setting.effort.check_frames))
+    prices = price_line(moves, compared.options, units, compared.standings)
     lines = [
-        f"{asked(site, request)} {caveat(rows.lidar, law.gains)}".rstrip(),
+        f"{asked(site, request)} {caveat(rows.lidar, setting.law.gains)}".rstrip(),
         *verdict_lines(options, request, frames),
         *(
             f"{i}. {sentence(one, rows[rows.option == i], request)}"
             for i, one in enumerate(options[:LISTED], start=1)
         ),
-        *changes,
-        " ".join(doubts(options, request, law, costs, units, site, every)),
+        " ".join(filter(None, [prices, few_positions(setting.poses, request)])),
+        change_line(sensitivity),
+        count_line(counting, setting.effort.count or 0) if counting else "",
+        " ".join(doubts(options[0], request, setting.law, units, site, every)),
     ]
     notes = [
         "The shares are those of an hour of other traffic at this site. Their intervals contain "
@@ -96,9 +101,8 @@ def answer_of(
 def asked(site: PlanSite, request: Request) -> str:
     """Returns the centre of the site and the request."""
     x, y = map(round, site.centre.tolist())
-    false = ""
-    if math.isfinite(request.false_per_minute):
-        false = f", at most {request.false_per_minute:g} false boxes a minute"
+    limited = math.isfinite(request.false_per_minute)
+    false = f", at most {request.false_per_minute:g} false boxes a minute" if limited else ""
     poles = f"{request.poles} pole{'s' if request.poles > 1 else ''}"
     if request.lidars_per_pole > 1:
         poles += f" of at most {request.lidars_per_pole} LiDARs each"
@@ -114,7 +118,7 @@ def asked(site: PlanSite, request: Request) -> str:
     )
 
 
-def verdict_lines(options: Options, request: Request, frames: int) -> Iterator[str]:
+def verdict_lines(options: Sequence[Option], request: Request, frames: int) -> Iterator[str]:
     """Yields the verdict, and what would settle or change it."""
     standing = options[0][1]
     share, wanted = standing.recall, 100 * request.find
@@ -123,34 +127,26 @@ def verdict_lines(options: Options, request: Request, frames: int) -> Iterator[s
         return
     first = (
         f"option 1 finds {unlike(100 * share.value, wanted, 0)} of 100 vehicles "
-        f"[{100 * share.low:.0f} to {100 * share.high:.0f}], {standing.source}"
+        f"{ends(share, 100)}, {standing.source}"
     )
     first += f" in {frames} frames of other traffic" if standing.source == SIMULATED else ""
-    result = verdict(standing, request)
-    false = false_texts(standing, request)
-    if result == "met":
-        yield f"Met: {first}{false}."
-        return
-    if result == "not known":
-        yield f"Not known whether {wanted:g} of 100 are found: {first}{false}."
-        yield settled_by(standing, request, frames)
-        return
-    yield f"Not met: no option within the budget finds {wanted:g} of 100; {first}{false}."
-    do = [f"`find` {math.floor(100 * share.low) / 100:g} would be met"]
-    if standing.false_per_frame.low > most_false(request):
-        least = request.frames_per_minute * standing.false_per_frame.high
-        do.append(f"`false_per_minute` {math.ceil(least)} would be met")
-    yield f"A higher budget or more poles may help; {' and '.join(do)}."
-
-
-def false_texts(standing: Standing, request: Request) -> str:
-    if not math.isfinite(request.false_per_minute):
-        return ""
     rate, per_minute = standing.false_per_frame, request.frames_per_minute
-    return (
-        f", with {per_minute * rate.value:.0f} false boxes a minute "
-        f"[{per_minute * rate.low:.0f} to {per_minute * rate.high:.0f}]"
-    )
+    if math.isfinite(request.false_per_minute):
+        per_frame = f"{per_minute * rate.value:.0f} false boxes a minute {ends(rate, per_minute)}"
+        first += f", with {per_frame}"
+    match verdict(standing, request):
+        case "met":
+            yield f"Met: {first}."
+        case "not known":
+            yield f"Not known whether {wanted:g} of 100 are found: {first}."
+            yield settled_by(standing, request, frames)
+        case "not met":
+            yield f"Not met: no option within the budget finds {wanted:g} of 100; {first}."
+            do = f"`find` {math.floor(100 * share.low) / 100:g} would be met"
+            if rate.low > request.most_false:
+                least = math.ceil(per_minute * rate.high)
+                do += f" and `false_per_minute` {least} would be met"
+            yield f"A higher budget or more poles may help; {do}."
 
 
 def settled_by(standing: Standing, request: Request, frames: int) -> str:
@@ -169,33 +165,27 @@ def settled_by(standing: Standing, request: Request, frames: int) -> str:
     )
 
 
-def sentence(option: tuple[Choice, Standing], rows: pd.DataFrame, request: Request) -> str:
+def sentence(option: Option, rows: pd.DataFrame, request: Request) -> str:
     """Returns an option in an engineer's words."""
-    choice, standing = option
+    price, standing = option[0].price, option[1]
     where = " and ".join(
         f"{row.lidar} at ({row.x_m:.1f}, {row.y_m:.1f}), {row.height_m:.1f} m above the road, yaw "
-        f"{row.yaw_deg:.0f} (compass {compass(row.yaw_deg):.0f}) and pitch {row.pitch_deg:.0f} "
+        f"{row.yaw_deg:.0f} (compass {(90 - row.yaw_deg) % 360:.0f}) and pitch {row.pitch_deg:.0f} "
         f"degrees{carrier(row.kind, existing=row.existing)}"
         for row in rows.itertuples()
     )
     shares = {"vehicles": standing.recall, "pedestrians": standing.people}
     found = ", ".join(f"{of_hundred(s)} {name}" for name, s in shares.items() if s.value >= 0)
-    areas = "".join(
-        f", {of_hundred(share)} at {name}"
-        for name, share in (
-            (area.name, standing.shares.get(f"recall_{area.name}"))
-            for area in {one.name: one for one in request.areas}.values()
-        )
-        if share is not None and math.isfinite(share.value)
-    )
-    ap = f"AP of all vehicles {standing.ap.value:.0f}" if math.isfinite(standing.ap.value) else ""
-    if ap and standing.ap.is_known:
-        ap += f" [{standing.ap.low:.0f} to {standing.ap.high:.0f}]"
+    names = dict.fromkeys(area.name for area in request.areas)
+    of_areas = {name: standing.shares.get(f"recall_{name}", UNKNOWN) for name in names}
+    areas = "".join(f", {of_hundred(s)} at {name}" for name, s in of_areas.items() if s.value >= 0)
+    ap = f"; AP of all vehicles {with_ends(standing.ap)}" if standing.ap.value >= 0 else ""
     return (
         f"{where}: {f'finds {found}' if found else 'no object is'} within {request.within_m:g} m "
         f"in a frame{areas}, {standing.source}; {false_boxes(standing.false_per_frame.value)}; "
-        f"about {rows.latency_ms.iloc[0]:.0f} ms a frame on one core; {price(choice.price)} over "
-        f"{request.years:g} years{f'; {ap}' if ap else ''}."
+        f"about {rows.latency_ms.iloc[0]:.0f} ms a frame on one core; "
+        f"{usd(price.middle)} ({price.low:,.0f} to {price.high:,.0f}) over {request.years:g} "
+        f"years{ap}."
     )
 
 
@@ -206,14 +196,18 @@ def carrier(kind: str, *, existing: bool) -> str:
     return " on an existing mast or wall" if existing else ""
 
 
-def compass(yaw_deg: float) -> float:
-    """Returns the compass bearing of a yaw: 0 is north (y), 90 is east (x)."""
-    return (90 - yaw_deg) % 360
+def ends(figure: Interval, factor: float = 1.0) -> str:
+    return f"[{factor * figure.low:.0f} to {factor * figure.high:.0f}]"
+
+
+def with_ends(figure: Interval) -> str:
+    """Returns a figure with its interval, if that is known."""
+    return f"{figure.value:.0f}{f' {ends(figure)}' if figure.is_known else ''}"
 
 
 def of_hundred(share: Interval) -> str:
-    value = f"{100 * share.value:.0f} of 100"
-    return f"{value} [{100 * share.low:.0f} to {100 * share.high:.0f}]" if share.is_known else value
+    known = f" {ends(share, 100)}" if share.is_known else ""
+    return f"{100 * share.value:.0f} of 100{known}"
 
 
 def false_boxes(per_frame: float) -> str:
@@ -225,25 +219,16 @@ def false_boxes(per_frame: float) -> str:
     return "about one false box a frame" if frames == "1" else f"one false box in {frames} frames"
 
 
-def usd(value: float) -> str:
-    return f"US$ {value:,.0f}"
-
-
-def price(span: Range) -> str:
-    return f"{usd(span.middle)} ({span.low:,.0f} to {span.high:,.0f})"
-
-
 def doubts(
-    options: Options,
+    option: Option,
     request: Request,
     law: Detectability,
-    costs: Costs,
     units: Units,
     site: PlanSite,
     every: pd.DataFrame,
 ) -> Iterator[str]:
     """Yields what is uncertain or assumed in the first option. every: the table of candidates."""
-    choice, standing = options[0]
+    (choice, standing), costs = option, units.costs
     if request.people and not standing.people.value >= 0:
         yield (
             f"No pedestrian is within {request.within_m:g} m in the frames of the prediction, so "
@@ -269,14 +254,13 @@ def doubts(
         yield f"Without a source: the prices of {', '.join(dict.fromkeys(unsourced))}."
     if text := lacking_traffic(site.file.parent):
         yield f"{text}."
-    high = sorted({round(height, 1) for height in every.height_m if height > FEET_M})
-    if high:
+    high = round(every.height_m.max(), 1)
+    if every.height_m.max() > FEET_M:
         yield (
-            f"Poses are up to {high[-1]:g} m above the road. If these are feet, "
-            f"{high[-1]:g} feet are {FOOT_M * high[-1]:.1f} m."
+            f"Poses are up to {high:g} m above the road. If these are feet, "
+            f"{high:g} feet are {FOOT_M * high:.1f} m."
         )
-    used = str(simulation.frames_version())
-    name = f"The detectability of {law.detector}"
+    name, used = f"The detectability of {law.detector}", str(simulation.frames_version())
     if text := other_frames(name, law.frames_version, used):
         yield f"{text}."
     if law.pilot:
@@ -286,60 +270,6 @@ def doubts(
         )
 
 
-def how_chosen(
-    options: Options, rows: pd.DataFrame, request: Request, units: Units
-) -> Iterator[str]:
-    """Yields how the first option was chosen."""
-    choice = options[0][0]
-    yield from number_of_poles(rows)
-    if choice.method == "greedy":
-        yield (
-            f"The search for {len(choice.units)} LiDARs is greedy: in the frames of the choice, no "
-            f"other set finds more than {100 * choice.bound:.1f} of 100; the gap is "
-            f"{100 * choice.gap:.1f}."
-        )
-    elif min(request.units, most_units(units, request.budget_usd)) > 2:
-        yield (
-            "The options are exact for one and two LiDARs over all candidates that stayed in the "
-            "race. The search for more LiDARs is greedy, so a better set may exist."
-        )
-    else:
-        yield "The options are exact over all pairs of pose and LiDAR that were not left out."
-    if not any(one.source == SIMULATED for _, one in options):
-        yield "No option was simulated in full, so the predicted shares decide."
-
-
-def number_of_poles(rows: pd.DataFrame) -> Iterator[str]:
-    """Yields the best option of each number of poles, if there are several."""
-    first = rows.drop_duplicates("option").sort_values("share", ascending=False)
-    best = first.drop_duplicates("poles").sort_values("poles")
-    if len(best) < 2:
-        return
-    texts = [
-        f"{row.poles} {'poles find' if row.poles > 1 else 'pole finds'} {row.share:.0f} of 100 "
-        f"for {usd(row.price_usd)} ({row.source})"
-        for row in best.itertuples()
-    ]
-    yield f"Most vehicles by number of poles: {'; '.join(texts)}."
-
-
-def left_out(every: pd.DataFrame) -> Iterator[str]:
-    """Yields lines on the LiDARs that were compared, and on what was left out, by reason."""
-    names = sorted(every.lidar[every.lidar != ""].unique())
-    yield f"LiDARs within the budget: {', '.join(names)}."
-    faults = every[every.lidar == ""].left_out.value_counts()
-    if len(faults):
-        shown = [f"{reason} ({count})" for reason, count in faults.head(REASONS).items()]
-        more = faults.iloc[REASONS:].sum()
-        rest = f"; other reasons ({more})" if more else ""
-        yield f"{faults.sum()} poses are not possible: {'; '.join(shown)}{rest}."
-    raced = every[(every.lidar != "") & (every.left_out != "")].left_out.value_counts()
-    if len(raced):
-        texts = [f"{count} {reason}" for reason, count in raced.items()]
-        total = int((every.lidar != "").sum())
-        yield f"{raced.sum()} of {total} pairs of pose and LiDAR were left out: {'; '.join(texts)}."
-
-
 def few_positions(poses: pd.DataFrame, request: Request) -> str:
     """Returns a sentence if fewer positions are possible than poles are asked for."""
     count = len(poses.drop_duplicates(POSE[:2]))
@@ -347,3 +277,69 @@ def few_positions(poses: pd.DataFrame, request: Request) -> str:
         return ""
     are = "position is" if count == 1 else "positions are"
     return f"Only {count} {are} possible, fewer than the {request.poles} poles of the request."
+
+
+def price_line(
+    moves: Sequence[Move], options: Sequence[Choice], units: Units, at: Standings
+) -> str:
+    """Returns how the choice changes with prices."""
+    number = {one.units: k for k, one in enumerate(options, start=1)}
+    same = [one for one in moves if one.choice and number[one.choice.units] == 1]
+    if len(same) == len(moves):
+        kinds = list(dict.fromkeys(one.prices for one in moves))
+        return (
+            f"The choice stays the same if {', '.join(kinds[:-1])} or {kinds[-1]} rise or fall by "
+            f"{max(PERCENT)} %."
+        )
+    texts = []
+    for move in moves:
+        if move in same:
+            continue
+        then = "no option is within the budget"
+        if (one := move.choice) is not None:
+            then = (
+                f"the choice is option {number[one.units]} ({' and '.join(units.names(one.units))})"
+                f", which finds {100 * at[one.units].recall.value:.0f} of 100 for "
+                f"{usd(one.price.middle)}"
+            )
+        rise = "rise" if move.percent > 0 else "fall"
+        texts.append(f"If {move.prices} {rise} by {abs(move.percent)} %, {then}.")
+    if same:
+        texts.append(
+            f"With the other price changes of {max(PERCENT)} %, the choice stays the same."
+        )
+    return " ".join(texts)
+
+
+def change_line(table: pd.DataFrame) -> str:
+    """Returns what the first option finds when a LiDAR fails or something else changes."""
+    lost = table[table.case.str.endswith(" lost") & (table.recall > 0)]
+    texts = [
+        f"{row.recall:.0f} of 100 without {row.case.removesuffix(' lost')} ({row.source})"
+        for row in lost.itertuples()
+    ]
+    others = table[(table.case == RAIN) & (table.source == PREDICTED)]
+    texts += [f"{row.recall:.0f} in {row.case} ({row.source})" for row in others.itertuples()]
+    done = table[(table.source == SIMULATED) & table.change.notna() & ~table.index.isin(lost.index)]
+    texts += [
+        f"{row.recall:.0f} with {row.case} ({row.change:+.0f} [{row.change_low:+.0f} to "
+        f"{row.change_high:+.0f}])"
+        for row in done.itertuples()
+    ]
+    return f"The first option finds {', '.join(texts)}." if texts else ""
+
+
+def count_line(found: Counting, wanted: float) -> str:
+    """Returns the line of an answer. wanted: share of the passages that must be counted."""
+    if not found.has_lines:
+        return "Counts: no line can be drawn across the roads of the site."
+    if not found.passages:
+        return f"Counts: no vehicle passes a line in {found.seconds:g} s of traffic."
+    share, error = found.share, found.speed_error_km_h
+    speeds = f"; speeds within {error:.1f} km/h (median)" if math.isfinite(error) else ""
+    judged = "met" if share.low >= wanted else "not met" if share.high < wanted else "not known"
+    return (
+        f"Counts: {found.counted} of {found.passages} passages in {found.seconds:g} s of other "
+        f"traffic ({100 * share.value:.0f} %, {100 * share.low:.0f} to {100 * share.high:.0f}), "
+        f"{found.extra} without a vehicle{speeds}. {100 * wanted:g} % counted: {judged}."
+    )

@@ -12,9 +12,8 @@ import yaml
 
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.errors import Error, FormatError
-from pyinfra.core.names import suggestion
 from pyinfra.dataset.roads import Road
-from pyinfra.formats.csv_table import read_csv
+from pyinfra.formats.csv_table import check_columns, expect, read_csv
 
 CLASSES = ("vehicle", "person", "any")
 CROSSINGS = "the crossings"
@@ -49,49 +48,27 @@ def read_areas(file: Path) -> tuple[Area, ...]:
     Columns: name, x_m, y_m, radius_m; optional weight (default 1) and class (vehicle, person or
     any, the default). Areas of one name are one area. Raises FormatError with file, line, column.
     """
-    table = read_csv(file, {"name", "class"})
-    for name in COLUMNS:
-        if name not in table:
-            raise FormatError(f"{file}:1: expected the column {name}, got {', '.join(table)}")
-    for name in table:
-        if name not in (*COLUMNS, "class", "weight"):
-            near = suggestion(name, [*COLUMNS, "class", "weight"])
-            raise FormatError(f"{file}:1: expected known columns, got '{name}'{near}")
+    table = read_csv(file, {"name", "class"}, COLUMNS)
+    check_columns(file, table, [*COLUMNS, "class", "weight"])
     if table.empty:
         raise FormatError(f"{file}: expected one area or more, got none")
-    names = [f"{name}_" for name in table["name"]]
-    taken = {f"{stem}{end}" for stem in ("", *names) for end in ENDS}
-    areas = []
-    for row, one in enumerate(table.to_dict("records"), start=2):
-        area = Area(
-            str(one["name"]),
-            float(one["x_m"]),
-            float(one["y_m"]),
-            float(one["radius_m"]),
-            float(one.get("weight", 1.0)),
-            str(one.get("class", "any")),
-        )
-        if not isinstance(one["name"], str):
-            raise FormatError(f"{file}:{row}: name: expected a name, got none")
-        if area.name in taken or area.name.startswith("within_"):
-            raise FormatError(
-                f"{file}:{row}: name: expected a name of which no other column of options.csv is "
-                f"made, got '{area.name}'"
-            )
-        if not np.isfinite([area.x_m, area.y_m]).all():
-            raise FormatError(f"{file}:{row}: x_m, y_m: expected numbers, got none")
-        for key, low, value in (
-            ("radius_m", 0.1, area.radius_m),
-            ("weight", 0.0, area.weight),
-        ):
-            if not low <= value <= 1e4:
-                raise FormatError(f"{file}:{row}: {key}: expected {low:g} to 10000, got {value:g}")
-        if area.object_class not in CLASSES:
-            raise FormatError(
-                f"{file}:{row}: class: expected {', '.join(CLASSES)}, got '{area.object_class}'"
-            )
-        areas.append(area)
-    return tuple(areas)
+    if "weight" not in table:
+        table["weight"] = 1.0
+    if "class" not in table:
+        table["class"] = "any"
+    table = table.astype(dict.fromkeys((*COLUMNS[1:], "weight"), float))
+    name = table["name"]
+    expect(file, name, name.notna(), "a name")
+    taken = {f"{stem}{end}" for stem in ("", *(name + "_")) for end in ENDS}
+    free = ~name.isin(taken) & ~name.str.startswith("within_")
+    expect(file, name, free, "a name of which no other column of options.csv is made")
+    for axis in ("x_m", "y_m"):
+        expect(file, table[axis], np.isfinite(table[axis]), "a number")
+    expect(file, table.radius_m, table.radius_m.between(0.1, 1e4), "0.1 to 10000")
+    expect(file, table.weight, table.weight.between(0, 1e4), "0 to 10000")
+    expect(file, table["class"], table["class"].isin(CLASSES), ", ".join(CLASSES))
+    rows = table[[*COLUMNS, "weight", "class"]].itertuples(index=False, name=None)
+    return tuple(Area(*row) for row in rows)
 
 
 def check_on_roads(areas: tuple[Area, ...], roads: Sequence[Road]) -> None:
@@ -129,9 +106,14 @@ def of_name(areas: tuple[Area, ...], name: str, objects: pd.DataFrame) -> BoolAr
     return np.asarray(np.any([one.holds(objects) for one in areas if one.name == name], axis=0))
 
 
-def weighted(objects: pd.DataFrame, weight: FloatArray, areas: tuple[Area, ...]) -> FloatArray:
-    """Returns the weights of objects; in an area, the largest weight of the areas there."""
-    out = weight.copy()
+def weighted(
+    objects: pd.DataFrame, near: BoolArray, people: float, areas: tuple[Area, ...]
+) -> FloatArray:
+    """Returns the weights of objects (n,): 1 for a vehicle that is near, `people` for a pedestrian.
+
+    In an area it is the largest weight of the areas there.
+    """
+    out = np.asarray(np.where(objects.person, people, 1.0) * near)
     inside = np.zeros(len(out), bool)
     for area in areas:
         here = area.holds(objects)

@@ -11,12 +11,12 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
+from pyinfra.core.arguments import check_fields
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.errors import Error, FormatError
-from pyinfra.core.names import suggestion
 from pyinfra.dataset.roads import Road, offset_curve
 from pyinfra.experiments.planner.site import PlanSite
-from pyinfra.formats.csv_table import read_csv
+from pyinfra.formats.csv_table import check_columns, expect, read_csv
 from pyinfra.scenes.maps.site_folder import check_metres
 
 POSE = ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"]
@@ -37,7 +37,7 @@ FOOT = ["foot_x_m", "foot_y_m"]  # of the pole or mast; another place than x_m, 
 MOST_GIVEN = 12  # positions of the user of which each has an option in the tables
 GIVEN = ("file", "arm")  # kinds of the poses of the user
 TRIED_M = (5.0, 8.0, 12.0)  # heights above the road that are tried for a pose that is not free
-GRID_BOUNDS = {
+GRID_RANGES = {
     "every_m": (0.5, 1000),
     "heights_m": (0.5, 100),
     "pitches_deg": (-90, 90),
@@ -57,17 +57,12 @@ class PoseGrid:
     pitches_deg: tuple[float, ...] = (0.0, 10.0)
 
 
-def checked_grid(grid: PoseGrid) -> PoseGrid:
-    """Returns the grid. Raises Error for a value out of range."""
-    for name, (low, high) in GRID_BOUNDS.items():
-        given = getattr(grid, name)
-        values = given if isinstance(given, tuple) else (given,)
-        if not values:
+def check_grid(grid: PoseGrid) -> None:
+    """Raises Error for a value out of range."""
+    for name in ("heights_m", "pitches_deg"):
+        if not len(getattr(grid, name)):
             raise Error(f"{name}: expected one value or more, got none")
-        for value in values:
-            if not low <= value <= high:
-                raise Error(f"{name}: expected {low:g} to {high:g}, got {value:g}")
-    return grid
+    check_fields(grid, GRID_RANGES)
 
 
 def make_candidates(site: PlanSite, within_m: float, grid: PoseGrid) -> pd.DataFrame:
@@ -108,40 +103,25 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
     needs no new pole; arm_m and bearing_deg for an arm of the mast, at whose end the LiDAR is.
     Raises FormatError with file, line and column.
     """
-    table = read_csv(file, WORDS)
-    for name in ("x_m", "y_m"):
-        if name not in table:
-            raise FormatError(f"{file}:1: expected the column {name}, got {', '.join(table)}")
-    for name in table:
-        if name not in COLUMNS:
-            raise FormatError(
-                f"{file}:1: expected known columns, got '{name}'"
-                f"{suggestion(name, [*POSE, *ARM, 'existing'])}"
-            )
+    table = read_csv(file, WORDS, POSE[:2])
+    check_columns(file, table, COLUMNS, [*POSE, *ARM, "existing"])
     if "height_m" in table and "z_m" not in table:
         raise FormatError(f"{file}:1: expected z_m in the world frame, got height_m alone")
     if table.empty:
         raise FormatError(f"{file}: expected one pose or more, got none")
     for name in [name for name in (*POSE, *ARM) if name in table]:
-        wrong = ~np.isfinite(table[name].to_numpy(float)) | (np.abs(table[name]) > 1e5)
-        if wrong.any():
-            row = int(np.flatnonzero(wrong)[0])
-            raise FormatError(
-                f"{file}:{row + 2}: {name}: expected a number, got {table[name][row]}"
-            )
-    positions = table[["x_m", "y_m"]].to_numpy(float)
-    check_metres(site.file.parent, positions, f"{file}: x_m, y_m")
-    existing = table["existing"] if "existing" in table else pd.Series("no", table.index)
-    unknown = ~existing.isin(["yes", "no"])
-    if unknown.any():
-        row = int(np.flatnonzero(unknown)[0])
-        raise FormatError(f"{file}:{row + 2}: existing: expected yes or no, got '{existing[row]}'")
-    rows = table.assign(existing=existing).drop_duplicates(["x_m", "y_m", "existing"])
-    twice = rows.duplicated(["x_m", "y_m"])
-    if twice.any():
-        row = int(rows.index[twice][0])
-        raise FormatError(f"{file}:{row + 2}: existing: expected one value for a position, got two")
-    poses = on_arms(table.assign(kind="file", existing=existing == "yes"), file)
+        expect(file, table[name], table[name].abs() <= 1e5, "a number")
+    check_metres(site.file.parent, table[POSE[:2]].to_numpy(float), f"{file}: x_m, y_m")
+    if "existing" not in table:
+        table["existing"] = "no"
+    expect(file, table.existing, table.existing.isin(["yes", "no"]), "yes or no")
+    rows = table.drop_duplicates(["x_m", "y_m", "existing"])
+    twice = rows.index[rows.duplicated(["x_m", "y_m"])]
+    if len(twice):
+        raise FormatError(
+            f"{file}:{twice[0] + 2}: existing: expected one value for a position, got two"
+        )
+    poses = on_arms(table.assign(kind="file", existing=table.existing == "yes"), file)
     if "z_m" not in poses:
         ground, _ = nearest_roads(site.roads, poses[["x_m", "y_m"]].to_numpy(float))
         parts = [poses.assign(z_m=ground + h) for h in grid.heights_m]
@@ -160,12 +140,7 @@ def on_arms(poses: pd.DataFrame, file: Path) -> pd.DataFrame:
     if "bearing_deg" not in poses:
         raise FormatError(f"{file}:1: expected the column bearing_deg beside arm_m, got none")
     for name, low, high in (("arm_m", 0.0, MOST_ARM_M), ("bearing_deg", -360.0, 360.0)):
-        wrong = ~poses[name].between(low, high)
-        if wrong.any():
-            row = int(np.flatnonzero(wrong)[0])
-            raise FormatError(
-                f"{file}:{row + 2}: {name}: expected {low:g} to {high:g}, got {poses[name][row]:g}"
-            )
+        expect(file, poses[name], poses[name].between(low, high), f"{low:g} to {high:g}")
     bearing = np.radians(poses.bearing_deg)
     return feet.assign(
         x_m=poses.x_m + poses.arm_m * np.sin(bearing),
@@ -196,7 +171,9 @@ def turned(poses: pd.DataFrame, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
         to_centre = site.centre - poses[["x_m", "y_m"]].to_numpy(float)
         yaw = np.degrees(np.arctan2(to_centre[:, 1], to_centre[:, 0])).round(1)
         steps = [(i + 1) // 2 * (-1) ** i * grid.yaw_step_deg for i in range(grid.yaws)]
-        parts = [poses.assign(yaw_deg=_wrapped(yaw + s), turn=float(s != 0)) for s in steps]
+        parts = [
+            poses.assign(yaw_deg=(yaw + s + 180) % 360 - 180, turn=float(s != 0)) for s in steps
+        ]
         poses = pd.concat(parts, ignore_index=True)
     else:
         poses = poses.assign(turn=0.0)
@@ -296,7 +273,7 @@ def _on_walls(site: PlanSite, every_m: float) -> Iterator[tuple[str, float, floa
     """Yields positions in front of the walls of buildings that are near a carriageway."""
     for house in site.keys.get("buildings") or []:
         angle = math.radians(house.get("heading_deg", 0))
-        along, across = np.array([math.cos(angle), math.sin(angle)]), np.empty(2)
+        along = np.array([math.cos(angle), math.sin(angle)])
         across = np.array([-along[1], along[0]])
         middle = np.array([house["x_m"], house["y_m"]])
         length, width = house["length_m"], house["width_m"]
@@ -332,7 +309,3 @@ def nearest_road(roads: Sequence[Road], at: FloatArray) -> tuple[float, float]:
     """Returns the height of the nearest road, and the distance from its carriageway."""
     height, outside = nearest_roads(roads, at[None])
     return float(height[0]), float(outside[0])
-
-
-def _wrapped(degrees: FloatArray) -> FloatArray:
-    return np.asarray((degrees + 180) % 360 - 180)

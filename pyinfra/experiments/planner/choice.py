@@ -7,16 +7,21 @@ present objects that it finds, seen or not.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from pyinfra.experiments.planner.costs import NOTHING, Costs, Range
-from pyinfra.experiments.planner.lidars import PlanLidar
+from pyinfra.experiments.planner.candidates import FOOT, given_places
+from pyinfra.experiments.planner.costs import NOTHING, Costs, PlanLidar, Range
+from pyinfra.experiments.planner.observe import Observed, Setting
+from pyinfra.experiments.planner.predict import detection_probabilities
+from pyinfra.experiments.planner.request import Request
 
 BEST_PAIRS = 200  # options of two units that are kept for the table
+SHOWN = 12  # options in the table, besides the best of each LiDAR
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +40,19 @@ class Units:
         """Returns the number of the user's position of a unit, -1 for a pose that was made."""
         return -1 if self.given is None else int(self.given[unit])
 
+    def names(self, units: Sequence[int]) -> list[str]:
+        """Returns the names of the LiDARs of an option."""
+        return [self.lidars[u].name for u in units]
+
+    def poles(self, units: Sequence[int]) -> dict[int, bool]:
+        """Returns the numbers of the poles of an option, and whether each exists already."""
+        return {int(self.place[u]): bool(self.existing[u]) for u in units}
+
     def parts(self, units: Sequence[int]) -> dict[str, Range]:
         """Returns the lines of the price of an option over the years."""
-        poles = {int(self.place[u]): bool(self.existing[u]) for u in units}
-        new = sum(not there for there in poles.values())
-        return self.costs.parts([self.lidars[u] for u in units], new, len(poles))
+        there = self.poles(units).values()
+        lidars = [self.lidars[u] for u in units]
+        return self.costs.parts(lidars, len(there) - sum(there), len(there))
 
     def latency_ms(self, units: Sequence[int]) -> float:
         """Returns the time of a frame of an option on one core. Each LiDAR of a bundle counts."""
@@ -52,7 +65,12 @@ class Units:
     def value(self, units: Sequence[int]) -> float:
         """Returns the weighted share of the objects that an option finds."""
         missed = np.prod(1 - self.probability[list(units)].astype(float), axis=0)
-        return float(((1 - missed) * self.weight).sum() / max(self.weight.sum(), 1e-12))
+        return float(((1 - missed) * self.weight).sum() / self.total)
+
+    @property
+    def total(self) -> float:
+        """The sum of the weights, above 0."""
+        return max(float(self.weight.sum()), 1e-12)
 
 
 @dataclass(frozen=True)
@@ -69,101 +87,179 @@ class Choice:
     def gap(self) -> float:
         return max(0.0, self.bound - self.value)
 
+    @property
+    def key(self) -> tuple[int, ...]:
+        """The units in ascending order."""
+        return tuple(sorted(self.units))
+
+
+def units_of(observed: Observed, setting: Setting) -> Units:
+    """Returns the pairs that stayed in the race as the units of a choice."""
+    stayed, objects = observed.stayed, observed.objects
+    probability = detection_probabilities(
+        observed.seen, len(stayed), objects, setting.law, setting.request
+    )
+    of_pose = setting.poses.iloc[stayed.pose.to_numpy()]
+    return Units(
+        probability,
+        objects.weight,
+        of_pose.groupby(FOOT, sort=False).ngroup().to_numpy(),
+        of_pose.existing.to_numpy(bool),
+        [setting.lidars[i] for i in stayed.lidar],
+        setting.costs,
+        given_places(of_pose),
+    )
+
+
+def choice_of(units: Units, some: Sequence[int], method: str, bound: float | None = None) -> Choice:
+    """Returns an option. bound: by default its value."""
+    value = units.value(some)
+    bound = value if bound is None else bound
+    return Choice(tuple(some), value, units.price(some), bound, method)
+
+
+def considered(units: Units, request: Request) -> list[Choice]:
+    """Returns the best options of one, of two and of more units, each once."""
+    alone = singles(units, request.budget_usd)
+    if not alone:
+        return []
+    given = [one for one in alone if units.given_at(one.units[0]) >= 0]
+    options = [
+        *first_at_each_place(alone, units)[:SHOWN],
+        *first_of_each(alone, lambda one: units.names(one.units)[0]),
+        *first_of_each(given, lambda one: units.given_at(one.units[0])),
+    ]
+    if request.units >= 2:
+        options += first_at_each_place(pairs(units, request), units)[:SHOWN]
+    if min(request.units, most_units(units, request.budget_usd)) > 2:
+        options += filter(None, [greedy(units, request)])
+    return merged(options)
+
+
+def merged(options: Iterable[Choice]) -> list[Choice]:
+    """Returns each option once. A later one replaces an earlier one of the same units."""
+    return list({one.key: one for one in options}.values())
+
+
+def first_of_each(options: Iterable[Choice], key: Callable[[Choice], Hashable]) -> list[Choice]:
+    """Returns the first option of each key."""
+    first: dict[Hashable, Choice] = {}
+    for one in options:
+        first.setdefault(key(one), one)
+    return list(first.values())
+
+
+def first_at_each_place(options: Iterable[Choice], units: Units) -> list[Choice]:
+    """Returns the options without those that have the LiDARs and positions of an earlier one.
+
+    The others differ from an earlier one in height, pitch or yaw only.
+    """
+    return first_of_each(options, lambda one: stands(one, units))
+
+
+def stands(one: Choice, units: Units) -> tuple[tuple[int, int, str], ...]:
+    """Returns the numbers of the pole and of the user's position, and the LiDAR, of each unit."""
+    rows = [(int(units.place[u]), units.given_at(u), units.lidars[u].name) for u in one.units]
+    return tuple(sorted(rows))
+
+
+def listed(
+    order: Sequence[Choice], best: Sequence[Choice], units: Units, first: int
+) -> tuple[list[Choice], int]:
+    """Returns the options with those of the table in front, and the number of these.
+
+    The table has the `first` options, and all of `best`. Of options with the same LiDARs at the
+    same positions, it has only the first.
+    """
+    always = {stands(one, units) for one in best}
+    each = first_at_each_place(order, units)
+    some = {one.key for k, one in enumerate(each) if k < first or stands(one, units) in always}
+    ordered = sorted(order, key=lambda one: one.key not in some)
+    return ordered, len(some)
+
 
 def singles(units: Units, budget_usd: float) -> list[Choice]:
     """Returns all options of one unit within the budget, best first."""
-    total = max(float(units.weight.sum()), 1e-12)
-    values = units.probability @ units.weight / total
+    values = units.probability @ units.weight / units.total
     prices = [units.price([u]) for u in range(len(values))]
     within = [u for u in range(len(values)) if prices[u].middle <= budget_usd]
-    best = max((float(values[u]) for u in within), default=0.0)
     order = sorted(within, key=lambda u: (-float(values[u]), prices[u].middle))
+    best = float(values[order[0]]) if order else 0.0
     return [Choice((u,), float(values[u]), prices[u], best, "exact") for u in order]
 
 
-def pairs(units: Units, budget_usd: float, poles: int, per_pole: int) -> list[Choice]:
+def pairs(units: Units, request: Request) -> list[Choice]:
     """Returns the best options of two units within the budget, over all pairs; best first."""
+    first, second, missed = allowed_pairs(units, request)
+    if not len(first):
+        return []
+    most = min(BEST_PAIRS, len(first))
+    best = np.argpartition((missed - units.total) / units.total, most - 1)[:most]
+    made = [choice_of(units, (int(first[k]), int(second[k])), "exact") for k in best]
+    made.sort(key=lambda one: (-one.value, one.price.middle))
+    return [replace(one, bound=made[0].value) for one in made]
+
+
+def allowed_pairs(units: Units, request: Request) -> tuple[IntArray, IntArray, Float32Array]:
+    """Returns the pairs of units that a request allows, and the weights they miss: each (n,)."""
     count = len(units.probability)
     missed = 1 - units.probability
-    total = max(float(units.weight.sum()), 1e-12)
-    both = total - (missed * units.weight.astype(np.float32)) @ missed.T
+    both = (missed * units.weight.astype(np.float32)) @ missed.T
     same = units.place[:, None] == units.place[None, :]
     allowed = np.triu(np.ones((count, count), bool), 1)
-    allowed &= np.where(same, per_pole >= 2, poles >= 2)
-    allowed &= pair_prices(units, same) <= budget_usd
-    at = np.flatnonzero(allowed)
-    if not len(at):
-        return []
-    values = both.ravel()[at] / total
-    most = min(BEST_PAIRS, len(at))
-    best = at[np.argpartition(-values, most - 1)[:most]]
-    made = []
-    for flat in best:
-        pair = (int(flat // count), int(flat % count))
-        made.append(Choice(pair, units.value(pair), units.price(pair), 0.0, "exact"))
-    made.sort(key=lambda one: (-one.value, one.price.middle))
-    bound = made[0].value
-    return [Choice(one.units, one.value, one.price, bound, "exact") for one in made]
+    allowed &= np.where(same, request.lidars_per_pole >= 2, request.poles >= 2)
+    allowed &= pair_prices(units, same) <= request.budget_usd
+    first, second = np.nonzero(allowed)
+    return first, second, both[first, second]
 
 
 def pair_prices(units: Units, same: BoolArray) -> FloatArray:
-    """Returns the middle price of each pair of units: (n, n)."""
-    costs, count = units.costs, len(units.probability)
-    alone = np.array([units.price([u]).middle for u in range(count)])
-    poles = np.array([costs.parts([], not there, 1)["pole_usd"].middle for there in units.existing])
-    shared = costs.lines["installation_usd"].middle + costs.lines["upkeep_usd"].middle * costs.years
-    out = alone[:, None] + alone[None, :] - np.where(same, poles[:, None] + shared, 0)
-    # The computers of both are counted together; the number depends on the LiDARs alone.
-    numbers = np.array([lidar.units for lidar in units.lidars])
-    largest = int(numbers.max(initial=1)) * 2
-    computers = np.array([costs.computers(n) for n in range(largest + 1)])
-    excess = computers[numbers][:, None] + computers[numbers][None, :]
-    excess = excess - computers[numbers[:, None] + numbers[None, :]]
-    return np.asarray(out - excess * _computer_usd(costs))
+    """Returns the middle price of each pair of units: (n, n). same: whether they share a pole.
+
+    Pairs of the same LiDARs on new or existing poles have the same price.
+    """
+    each = list(zip(units.names(range(len(units.lidars))), units.existing.tolist(), strict=True))
+    kinds, lidars = list(dict.fromkeys(each)), {one.name: one for one in units.lidars}
+    prices = np.zeros((len(kinds), len(kinds), 2))
+    for (i, (a, old_a)), (j, (b, old_b)) in product(enumerate(kinds), repeat=2):
+        both = [lidars[a], lidars[b]]
+        apart = units.costs.price(both, 2 - old_a - old_b, 2)
+        prices[i, j] = apart.middle, units.costs.price(both, 1 - old_a, 1).middle
+    number = np.array([kinds.index(kind) for kind in each])
+    return np.asarray(prices[number[:, None], number, same.astype(int)])
 
 
-def _computer_usd(costs: Costs) -> float:
-    """Returns the middle price of a computer with its power."""
-    line = costs.lines
-    kwh = line["computer_w"] * line["usd_per_kwh"] * (8.766 * costs.years)
-    return (line["computer_usd"] + kwh).middle
-
-
-def greedy(units: Units, budget_usd: float, poles: int, per_pole: int) -> Choice | None:
+def greedy(units: Units, request: Request) -> Choice | None:
     """Returns an option of any number of units, and a bound of the best one.
 
     Two greedy searches are made, by gain and by gain per dollar, and the better one is returned.
     The bound is value + the largest sum of gains that the limits of number and price allow. Gains
     only shrink as units are added, so that no option can exceed it.
     """
-    options = [
-        _search(units, budget_usd, poles, per_pole, per_dollar=per_dollar)
-        for per_dollar in (False, True)
-    ]
+    options = [_search(units, request, per_dollar=per_dollar) for per_dollar in (False, True)]
     best = max(options, key=units.value)
     if not best:
         return None
-    bound = min(upper_bound(units, list(part), budget_usd, poles * per_pole) for part in options)
-    return Choice(tuple(best), units.value(best), units.price(best), bound, "greedy")
+    budget_usd, most = request.budget_usd, request.units
+    bound = min(upper_bound(units, one, budget_usd, most) for one in options)
+    return choice_of(units, best, "greedy", bound)
 
 
-def _search(
-    units: Units, budget_usd: float, poles: int, per_pole: int, *, per_dollar: bool
-) -> list[int]:
+def _search(units: Units, request: Request, *, per_dollar: bool) -> list[int]:
     chosen: list[int] = []
     missed = np.ones(len(units.weight))
-    while len(chosen) < poles * per_pole:
+    while len(chosen) < request.units:
         gains = units.probability @ (missed * units.weight)
         before = units.price(chosen).middle if chosen else 0.0
         best, score = -1, 0.0
         for u in np.argsort(-gains, kind="stable"):
             if gains[u] <= 0 or (not per_dollar and best >= 0):
                 break
-            if u in chosen or not _fits(units, [*chosen, int(u)], poles, per_pole):
+            if u in chosen or not _fits(units, [*chosen, int(u)], request):
                 continue
             price = units.price([*chosen, int(u)]).middle
             worth = gains[u] / max(price - before, 1e-9) if per_dollar else gains[u]
-            if price <= budget_usd and worth > score:
+            if price <= request.budget_usd and worth > score:
                 best, score = int(u), float(worth)
         if best < 0:
             break
@@ -172,14 +268,13 @@ def _search(
     return chosen
 
 
-def _fits(units: Units, chosen: Sequence[int], poles: int, per_pole: int) -> bool:
-    places, counts = np.unique(units.place[list(chosen)], return_counts=True)
-    return len(places) <= poles and int(counts.max()) <= per_pole
+def _fits(units: Units, chosen: list[int], request: Request) -> bool:
+    places, counts = np.unique(units.place[chosen], return_counts=True)
+    return len(places) <= request.poles and int(counts.max()) <= request.lidars_per_pole
 
 
 def upper_bound(units: Units, chosen: list[int], budget_usd: float, most: int) -> float:
     """Returns a share that no option of at most `most` units within the budget exceeds."""
-    total = max(float(units.weight.sum()), 1e-12)
     missed = np.prod(1 - units.probability[chosen].astype(float), axis=0)
     value = float(((1 - missed) * units.weight).sum())
     gains = units.probability @ (missed * units.weight)
@@ -193,7 +288,7 @@ def upper_bound(units: Units, chosen: list[int], budget_usd: float, most: int) -
         first = int(np.argmin(whole))
         left = max(0.0, left_usd - (spent[first - 1] if first else 0.0))
         by_price += float(gains[order][first]) * left / max(float(least[order][first]), 1e-9)
-    return min(1.0, (value + min(by_number, by_price)) / total)
+    return min(1.0, (value + min(by_number, by_price)) / units.total)
 
 
 def least_prices(units: Units, budget_usd: float) -> tuple[FloatArray, float]:
@@ -203,7 +298,7 @@ def least_prices(units: Units, budget_usd: float) -> tuple[FloatArray, float]:
     the rest of the cheapest option of one unit.
     """
     cable = units.costs.lines["cable_usd"].middle
-    least = np.array([lidar.price_usd + cable * lidar.units for lidar in units.lidars])
+    least = np.array([lidar.price_usd.middle + cable * lidar.units for lidar in units.lidars])
     alone = np.array([units.price([u]).middle for u in range(len(least))])
     return least, budget_usd - float((alone - least).min())
 

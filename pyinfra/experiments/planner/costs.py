@@ -1,4 +1,4 @@
-"""What an option costs over some years. Each line is a range that is carried to the sum."""
+"""The LiDARs of a plan with their prices, what an option costs, and what the budget can pay for."""
 
 from __future__ import annotations
 
@@ -8,14 +8,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
-from pyinfra.core.errors import FormatError
+from pyinfra.core.arrays import BoolArray
+from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.names import StrPath, file_or_name
+from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import configs
 from pyinfra.dataset.frames import PERIOD_S
+from pyinfra.dataset.lidars import UNCONFIRMED, catalogue_files, presets_of, price_source
 from pyinfra.experiments.planner.detectability import Detectability
-from pyinfra.experiments.planner.lidars import PlanLidar
-from pyinfra.formats.csv_table import read_csv
+from pyinfra.experiments.planner.site import PlanSite
+from pyinfra.formats import kitti
+from pyinfra.formats.csv_table import expect, read_csv
 
+ALL_AROUND_DEG = 350.0
 ITEMS = (
     "pole_usd", "installation_usd", "cable_usd", "computer_usd", "upkeep_usd",
     "lidar_w", "computer_w", "usd_per_kwh",
@@ -47,6 +54,64 @@ NOTHING = Range(0, 0)
 
 
 @dataclass(frozen=True, eq=False)
+class PlanLidar:
+    """A LiDAR under the preset of a plan."""
+
+    name: str
+    unit: simulation.Lidar
+    price_usd: Range
+    source: str  # of the price
+    all_around: bool  # whether its yaw does not matter
+    units: int  # number of LiDARs in a bundle, else 1
+
+    @property
+    def confirmed(self) -> bool:
+        return UNCONFIRMED not in self.source
+
+
+def open_lidars(names: Sequence[StrPath], site: PlanSite) -> list[PlanLidar]:
+    """Opens LiDARs by name or file; without names, all of the catalogue that have the preset."""
+    world = simulation.load_scene(site.file, preset=site.preset, mount=site.mount)
+    lidars = [_open(file, site.preset, world) for file in _files(names, site.preset)]
+    if len({lidar.name for lidar in lidars}) < len(lidars):
+        raise Error("lidars: expected each LiDAR once, got one twice")
+    return lidars
+
+
+def common_period_s(names: Sequence[StrPath], preset: str) -> float:
+    """Returns the frame period of LiDARs, as in `open_lidars`. Raises Error if periods differ."""
+    units = [simulation.load_lidar(file, preset) for file in _files(names, preset)]
+    for unit in units:
+        if unit.period_s != units[0].period_s:
+            raise Error(
+                f"lidars: expected one frame period in a plan, got {units[0].name} with "
+                f"{units[0].period_s:g} s and {unit.name} with {unit.period_s:g} s"
+            )
+    return units[0].period_s if units else PERIOD_S
+
+
+def _files(names: Sequence[StrPath], preset: str) -> list[Path]:
+    files = {file.stem: file for file in catalogue_files()}
+    if not names:
+        names = [name for name, file in files.items() if preset in presets_of(file)]
+    return [file_or_name(name, files, "lidars") for name in names]
+
+
+def _open(file: Path, preset: str, world: simulation.World) -> PlanLidar:
+    unit = simulation.load_lidar(file, preset)
+    described, _ = kitti.parse_lidar(world.lidar_yaml(unit), f"{file.name}: lidar.yaml")
+    price = Range(*described.price_usd)
+    if not (math.isfinite(price.middle) and price.low > 0):
+        raise Error(
+            f"lidars: expected a price, got none for {unit.name}; "
+            f"`price_usd: {{low: 2000, high: 3000}}` in {file.name} sets it"
+        )
+    views = [unit.azimuth[1] - unit.azimuth[0] for unit in described.field_of_view]
+    around = min(360.0, sum(math.degrees(view) for view in views)) >= ALL_AROUND_DEG
+    return PlanLidar(unit.name, unit, price, price_source(file), around, len(views))
+
+
+@dataclass(frozen=True, eq=False)
 class Costs:
     """The lines of a table of costs, years of use, and what one computer can run."""
 
@@ -54,11 +119,11 @@ class Costs:
     sources: dict[str, str]
     years: float
     latency_ms: float  # time of a frame of one LiDAR on one core
-    frame_ms: float = 1000 * PERIOD_S  # frame period of the LiDARs
+    frame_ms: float  # frame period of the LiDARs
 
     @property
     def unconfirmed(self) -> list[str]:
-        return [item for item, source in self.sources.items() if "unconfirmed" in source]
+        return [item for item, source in self.sources.items() if UNCONFIRMED in source]
 
     @property
     def without_source(self) -> list[str]:
@@ -76,11 +141,8 @@ class Costs:
         computers = self.computers(count)
         watts = line["lidar_w"] * count + line["computer_w"] * computers
         kwh = watts * (HOURS_A_YEAR * self.years / 1000)
-        price = Range(
-            sum(one.price_low_usd for one in lidars), sum(one.price_high_usd for one in lidars)
-        )
         return {
-            "lidar_usd": price,
+            "lidar_usd": sum((one.price_usd for one in lidars), NOTHING),
             "pole_usd": line["pole_usd"] * new_poles,
             "installation_usd": line["installation_usd"] * poles,
             "cable_usd": line["cable_usd"] * count,
@@ -93,22 +155,23 @@ class Costs:
         return sum(self.parts(lidars, new_poles, poles).values(), NOTHING)
 
 
-def read_costs(file: Path | None, years: float, detectability: Detectability) -> Costs:
-    """Reads a table of costs, by default that of the package.
+def read_costs(
+    file: Path | None, years: float, law: Detectability, period_s: float = PERIOD_S
+) -> Costs:
+    """Reads a table of costs, by default that of the package. period_s: of the LiDARs' frames.
 
     Columns: item, per, low, high, source; one row for each of ITEMS. Raises FormatError.
     """
     file = file or configs() / "planner/costs.csv"
-    table = read_csv(file, {"item", "per", "source"})
-    for name in ("item", "low", "high", "source"):
-        if name not in table:
-            raise FormatError(f"{file}:1: expected the column {name}, got {', '.join(table)}")
+    table = read_csv(file, {"item", "per", "source"}, ("item", "low", "high", "source"))
+    expect(file, table["item"], table["item"].isin(ITEMS), ", ".join(ITEMS))
+    twice = table["item"][table["item"].duplicated()]
+    if len(twice):
+        raise FormatError(
+            f"{file}:{twice.index[0] + 2}: item: expected each item once, got {twice.iloc[0]} twice"
+        )
     for row, one in enumerate(table.itertuples(), start=2):
-        if one.item not in ITEMS:
-            raise FormatError(f"{file}:{row}: item: expected {', '.join(ITEMS)}, got '{one.item}'")
-        if one.item in set(table["item"][: row - 2]):
-            raise FormatError(f"{file}:{row}: item: expected each item once, got {one.item} twice")
-        if not (np.isfinite([one.low, one.high]).all() and 0 <= one.low <= one.high):
+        if not (math.isfinite(one.high) and 0 <= one.low <= one.high):
             raise FormatError(
                 f"{file}:{row}: low, high: expected 0 <= low <= high, got {one.low:g}, {one.high:g}"
             )
@@ -116,5 +179,46 @@ def read_costs(file: Path | None, years: float, detectability: Detectability) ->
     if missing:
         raise FormatError(f"{file}: item: expected a row for {missing[0]}, got none")
     lines = {one.item: Range(one.low, one.high) for one in table.itertuples()}
-    sources = {one.item: str(one.source or "") for one in table.fillna("").itertuples()}
-    return Costs(lines, sources, years, detectability.latency_ms)
+    sources = dict(zip(table["item"], table.source.fillna("").astype(str), strict=True))
+    return Costs(lines, sources, years, law.latency_ms, 1000 * period_s)
+
+
+def affordable(lidars: list[PlanLidar], costs: Costs, budget_usd: float) -> list[PlanLidar]:
+    """Returns the LiDARs that the budget can pay for. Raises Error if there is none."""
+    prices = {one.name: costs.price([one], 0, 1).middle for one in lidars}
+    good = [one for one in lidars if prices[one.name] <= budget_usd]
+    if not good:
+        cheapest = min(prices, key=prices.__getitem__)
+        raise Error(
+            f"budget_usd: expected {math.ceil(prices[cheapest]):,} or more, the price of "
+            f"{cheapest} on an existing mast, got {budget_usd:,.0f}"
+        )
+    return good
+
+
+def lowest_prices(
+    lidars: Sequence[PlanLidar], poses: pd.DataFrame, costs: Costs
+) -> dict[str, float]:
+    """Returns the price of each LiDAR alone, on an existing pole if there is one."""
+    new = 0 if poses.existing.any() else 1
+    return {one.name: costs.price([one], new, 1).middle for one in lidars}
+
+
+def possible(
+    poses: pd.DataFrame, lidars: Sequence[PlanLidar], costs: Costs, budget_usd: float
+) -> BoolArray:
+    """Returns which pairs of pose and LiDAR are observed: (poses, lidars).
+
+    Each is within the budget. A LiDAR that sees all around needs no second yaw at the same place.
+    Raises Error if there is none.
+    """
+    prices = np.array([[costs.price([one], new, 1).middle for one in lidars] for new in (1, 0)])[
+        poses.existing.to_numpy(int)
+    ]  # (poses, lidars)
+    if prices.min() > budget_usd:
+        raise Error(
+            f"budget_usd: expected {math.ceil(prices.min()):,} or more for a pole with a LiDAR, "
+            f"got {budget_usd:,.0f}; an existing mast costs less"
+        )
+    turns = np.array([not one.all_around for one in lidars])
+    return np.asarray((prices <= budget_usd) & (turns | (poses.turn == 0).to_numpy()[:, None]))

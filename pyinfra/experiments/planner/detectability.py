@@ -19,7 +19,6 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 from pyinfra.core.names import check_name
 from pyinfra.dataset.frames_version import FIRST
-from pyinfra.experiments.planner.logistic import fit_logistic, fit_poisson, probability
 
 FILE = Path(__file__).with_name("detectability.json")
 CUTS = tuple(round(0.05 + 0.05 * i, 2) for i in range(19))  # scores of the laws
@@ -143,7 +142,8 @@ def with_score(terms: FloatArray, cut: float | FloatArray) -> FloatArray:
 
 def detection_probability(coefficients: FloatArray, terms: FloatArray, cut: float) -> FloatArray:
     """Returns the probability (n,) that each object is found at a score of `cut` or above."""
-    return probability(with_score(terms, cut) @ coefficients)
+    odds = np.clip(with_score(terms, cut) @ coefficients, -30, 30)
+    return np.asarray(1 / (1 + np.exp(-odds)))
 
 
 def false_terms(cut: float | FloatArray, seen_per_frame: float | FloatArray) -> FloatArray:
@@ -160,32 +160,18 @@ def false_per_frame(
     return np.exp(np.clip(false_terms(cut, seen_per_frame) @ coefficients, -30, 10))
 
 
-def highest_recall_cut(
+def cut_of(
     coefficients: FloatArray, seen_per_frame: float, most_per_frame: float
 ) -> tuple[float, bool]:
-    """Returns the lowest score with at most this rate of false boxes, and whether one exists."""
-    cuts = np.array(CUTS)
-    rates = false_per_frame(coefficients, cuts, seen_per_frame)
-    good = np.flatnonzero(rates <= most_per_frame)
-    return (float(cuts[good[0]]), True) if len(good) else (CUTS[-1], False)
+    """Returns the score above which a box counts, and whether false boxes are as rare as asked.
 
-
-def average_precision(
-    coefficients: FloatArray,
-    false: FloatArray,
-    terms: FloatArray,
-    objects: int,
-    frames: int,
-) -> float:
-    """Returns the AP, 0 to 100, over all objects, seen or not.
-
-    terms: terms of the seen objects. objects: number of all objects in the frames.
+    It is the lowest score with at most this rate of false boxes, or CUT if the rate is unlimited.
     """
-    true_positives = np.array(
-        [detection_probability(coefficients, terms, cut).sum() for cut in CUTS]
-    )
-    false_positives = frames * false_per_frame(false, np.array(CUTS), len(terms) / max(frames, 1))
-    return ap_of_counts(true_positives, false_positives, objects)
+    if not np.isfinite(most_per_frame):
+        return CUT, True
+    rates = false_per_frame(coefficients, np.array(CUTS), seen_per_frame)
+    good = np.flatnonzero(rates <= most_per_frame)
+    return (CUTS[good[0]], True) if len(good) else (CUTS[-1], False)
 
 
 def ap_of_counts(true_positives: FloatArray, false_positives: FloatArray, objects: int) -> float:
@@ -200,28 +186,3 @@ def ap_of_counts(true_positives: FloatArray, false_positives: FloatArray, object
     precision = (true_positives / boxes)[::-1]
     envelope = np.maximum.accumulate(precision[::-1])[::-1]
     return float(100 * (np.diff(recall).clip(0) * envelope).sum())
-
-
-def fit_detection(
-    terms: FloatArray, best_score: FloatArray, weights: FloatArray | None = None
-) -> FloatArray:
-    """Fits the law of found objects. best_score: (n,) score of the match, 0 for a missed object."""
-    cuts = CUTS[1::2]
-    x = np.concatenate([with_score(terms, cut) for cut in cuts])
-    y = np.concatenate([(best_score >= cut).astype(float) for cut in cuts])
-    every = np.ones(len(terms)) if weights is None else weights
-    return fit_logistic(x, y, np.tile(every, len(cuts)) / len(cuts))
-
-
-def fit_false(
-    counts: FloatArray, seen: FloatArray, weights: FloatArray | None = None
-) -> FloatArray:
-    """Fits the law of false boxes.
-
-    counts: (n, CUTS) false boxes of each experiment per frame. seen: (n,) objects with points per
-    frame. weights: (n,) frames of each experiment.
-    """
-    cuts = np.array(CUTS)
-    x = np.concatenate([false_terms(cuts, one) for one in seen])
-    every = np.ones(len(seen)) if weights is None else weights
-    return fit_poisson(x, counts.ravel(), np.repeat(every, len(cuts)) / len(cuts))

@@ -7,36 +7,42 @@ LiDARs over all pairs of pose and LiDAR that stayed in the race. Beyond two it i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache
 
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
-from pyinfra.experiments.planner.answer import Options, sentence
-from pyinfra.experiments.planner.areas import of_name
-from pyinfra.experiments.planner.choice import Choice, Units, greedy, most_units, pair_prices
-from pyinfra.experiments.planner.detectability import Detectability
-from pyinfra.experiments.planner.predict import UNKNOWN
-from pyinfra.experiments.planner.race import Objects
-from pyinfra.experiments.planner.request import Request
-from pyinfra.experiments.planner.site import PlanSite
-from pyinfra.experiments.planner.verdict import Standing
+from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.experiments.planner.answer import sentence
+from pyinfra.experiments.planner.choice import (
+    Choice,
+    Units,
+    allowed_pairs,
+    choice_of,
+    considered,
+    first_of_each,
+    greedy,
+    merged,
+    most_units,
+    units_of,
+    upper_bound,
+)
+from pyinfra.experiments.planner.observe import Objects, Observed, Setting, observed_again
+from pyinfra.experiments.planner.predict import UNKNOWN, Prediction, predict
+from pyinfra.experiments.planner.request import (
+    Goal,
+    Request,
+    distances,
+    goals_of,
+    with_objects,
+)
+from pyinfra.experiments.planner.site import other_traffic
+from pyinfra.experiments.planner.verdict import Compared, Standing
 
-DISTANCES = (0.5, 1.0, 1.5)  # of the request's distance, for which the front is computed
+UNSEEN_FRAMES = 48  # frames of the predictions, of other traffic than that of the choice
 CELL_M = 5.0
-
-
-@dataclass(frozen=True, eq=False)
-class Goal:
-    """What is to be found: objects of a class within a distance, or the objects of an area."""
-
-    column: str  # the column of its share
-    what: str  # vehicles, pedestrians or the name of an area
-    within_m: float | None  # None for an area
-    counted: BoolArray  # (objects,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,89 +71,27 @@ class Front:
     unconfirmed: tuple[str, ...]  # LiDARs and items of the costs whose price is unconfirmed
 
 
-def masks_of(goals: Sequence[Goal]) -> dict[str, BoolArray]:
-    """Returns the objects that count for each goal, by the column of the goal."""
-    return {one.column: one.counted for one in goals}
+def choose(setting: Setting, raced: Observed) -> Compared:
+    """Returns the options of the pairs that stayed, as predicted in other traffic."""
+    site, request, law = setting.site, setting.request, setting.law
+    units = units_of(raced, setting)
+    goals = goals_of(site, raced.objects.table, law, request)
+    best = considered(units, request)
+    front = [with_bound(one, best, units, request) for one in front_options(units, goals, request)]
+    options = merged([*front, *best])
+    other = other_traffic(site, min(request.frames, UNSEEN_FRAMES))
+    every = {unit for one in options for unit in one.units}
+    unseen = observed_again(setting, other, raced.stayed, every)
+    if not unseen.objects.near_vehicles.any():
+        unseen = raced
+    goals = with_objects(goals, site, unseen.objects.table, law, request)
 
+    @cache
+    def predicted(some: tuple[int, ...]) -> Prediction:
+        return predict(unseen, some, law, request, {one.column: one.counted for one in goals})
 
-def distances(goals: Sequence[Goal]) -> list[float]:
-    return list(dict.fromkeys(one.within_m for one in goals if one.within_m is not None))
-
-
-def goals_of(
-    site: PlanSite, objects: Objects, law: Detectability, request: Request
-) -> tuple[Goal, ...]:
-    """Returns the goals of a plan; the first one is that of the request.
-
-    A distance without a vehicle, or with the vehicles of another one, is left out.
-    """
-    goals, numbers = [], {0}
-    for factor in sorted(DISTANCES, key=lambda f: f != 1):
-        within = factor * request.within_m
-        vehicles = int(_counted("vehicles", within, site, objects, law, request).sum())
-        if vehicles in numbers:
-            continue
-        numbers.add(vehicles)
-        distance = "" if factor == 1 else f"_within_{within:g}_m"
-        for name, prefix in (("vehicles", ""), ("pedestrians", "people_")):
-            counted = _counted(name, within, site, objects, law, request)
-            if counted.any():
-                goals.append(Goal(f"{prefix}recall{distance}", name, within, counted))
-    for name in dict.fromkeys(area.name for area in request.areas):
-        counted = _counted(name, None, site, objects, law, request)
-        if counted.any():
-            goals.append(Goal(f"recall_{name}", name, None, counted))
-    return tuple(goals)
-
-
-def with_objects(
-    goals: Sequence[Goal], site: PlanSite, objects: Objects, law: Detectability, request: Request
-) -> tuple[Goal, ...]:
-    """Returns the same goals for the objects of other frames; a goal may have none there."""
-    return tuple(
-        replace(one, counted=_counted(one.what, one.within_m, site, objects, law, request))
-        for one in goals
-    )
-
-
-def counted_of(
-    goals: Sequence[Goal], site: PlanSite, law: Detectability, request: Request
-) -> dict[str, Callable[[pd.DataFrame], BoolArray]]:
-    """Returns, for each goal by its column, which objects of a table count for it."""
-    return {
-        one.column: partial(_of_table, one.what, one.within_m, site=site, law=law, request=request)
-        for one in goals
-    }
-
-
-def _counted(
-    what: str,
-    within_m: float | None,
-    site: PlanSite,
-    objects: Objects,
-    law: Detectability,
-    request: Request,
-) -> BoolArray:
-    """Returns which objects count for a goal: (objects,)."""
-    return _of_table(what, within_m, objects.table, site=site, law=law, request=request)
-
-
-def _of_table(
-    what: str,
-    within_m: float | None,
-    table: pd.DataFrame,
-    *,
-    site: PlanSite,
-    law: Detectability,
-    request: Request,
-) -> BoolArray:
-    person = table.person.to_numpy(bool)
-    known = ~person | (law.people is not None)
-    if within_m is None:
-        return np.asarray(of_name(request.areas, what, table) & known)
-    away = np.hypot(table.x - site.centre[0], table.y - site.centre[1]).to_numpy()
-    of_class = person if what == "pedestrians" else ~person
-    return np.asarray(of_class & known & (away <= within_m))
+    standings = {one.units: Standing.predicted(predicted(one.units)) for one in options}
+    return Compared(options, best, len(best), units, goals, standings, predicted, unseen)
 
 
 def front_options(units: Units, goals: Sequence[Goal], request: Request) -> list[Choice]:
@@ -156,36 +100,35 @@ def front_options(units: Units, goals: Sequence[Goal], request: Request) -> list
     An option is left out if an option of the same or fewer poles and LiDAR models finds as much
     for the same or a lower price.
     """
-    kept: dict[tuple[int, ...], Choice] = {}
+    kept: list[Choice] = []
     for goal in goals:
         part = replace(units, weight=goal.counted.astype(float))
-        every = [*_best_singles(part, request), *_best_pairs(part, request)]
-        every += _best_sets(part, request)
-        for one in undominated(every, part):
-            kept.setdefault(tuple(sorted(one.units)), one)
-    return list(kept.values())
+        model = np.unique(units.names(range(len(units.lidars))), return_inverse=True)[1]
+        every = [*_best_singles(part, model, request), *_best_pairs(part, model, request)]
+        kept += undominated([*every, *_best_sets(part, model, request)], part)
+    return first_of_each(kept, lambda one: one.key)
+
+
+def with_bound(one: Choice, best: Sequence[Choice], units: Units, request: Request) -> Choice:
+    """Returns an option of the front with its value for the plan's weights, and their bound."""
+    count = len(one.units)
+    bounds = [other.bound for other in best if len(other.units) == count]
+    bound = bounds[0] if bounds else upper_bound(units, [*one.units], request.budget_usd, count)
+    return replace(one, value=units.value(one.units), bound=bound)
 
 
 def undominated(options: Sequence[Choice], units: Units) -> list[Choice]:
     """Returns the options that no other one beats, with their poles and LiDARs or fewer."""
-    models = [frozenset(units.lidars[u].name for u in one.units) for one in options]
-    poles = [len({int(units.place[u]) for u in one.units}) for one in options]
-    order = sorted(
-        range(len(options)), key=lambda i: (options[i].price.middle, -options[i].value, poles[i])
-    )
-    kept: list[int] = []
-    for i in order:
-        beaten = any(
-            options[k].value >= options[i].value and poles[k] <= poles[i] and models[k] <= models[i]
-            for k in kept
-        )
-        if not beaten:
-            kept.append(i)
-    return [options[i] for i in kept]
-
-
-def _model_numbers(units: Units) -> IntArray:
-    return np.unique([one.name for one in units.lidars], return_inverse=True)[1]
+    rows = [
+        (one.price.middle, -one.value, len(units.poles(one.units)), {*units.names(one.units)}, one)
+        for one in options
+    ]
+    kept: list[tuple[float, float, int, set[str], Choice]] = []
+    for row in sorted(rows, key=lambda row: row[:3]):
+        _, value, poles, models, _ = row
+        if not any(v <= value and p <= poles and m <= models for _, v, p, m, _ in kept):
+            kept.append(row)
+    return [one for *_, one in kept]
 
 
 def _best_of_each(key: IntArray, value: FloatArray) -> IntArray:
@@ -194,50 +137,34 @@ def _best_of_each(key: IntArray, value: FloatArray) -> IntArray:
     return order[np.unique(key[order], return_index=True)[1]]
 
 
-def _choice(units: Units, chosen: tuple[int, ...], method: str) -> Choice:
-    value = units.value(chosen)
-    return Choice(chosen, value, units.price(chosen), value, method)
-
-
-def _best_singles(units: Units, request: Request) -> Iterator[Choice]:
+def _best_singles(units: Units, model: IntArray, request: Request) -> Iterator[Choice]:
     """Yields the best option of one unit of each LiDAR, on a new and on an existing pole."""
     value = np.asarray(units.probability @ units.weight)
-    for u in _best_of_each(2 * _model_numbers(units) + units.existing, value):
-        one = _choice(units, (int(u),), "exact")
+    for u in _best_of_each(2 * model + units.existing, value):
+        one = choice_of(units, [int(u)], "exact")
         if one.price.middle <= request.budget_usd:
             yield one
 
 
-def _best_pairs(units: Units, request: Request) -> Iterator[Choice]:
+def _best_pairs(units: Units, model: IntArray, request: Request) -> Iterator[Choice]:
     """Yields the best pair of each two LiDARs, for each number of poles and of existing poles."""
-    count = len(units.probability)
-    missed = 1 - units.probability
-    joint = (missed * units.weight.astype(np.float32)) @ missed.T
-    same = units.place[:, None] == units.place[None, :]
-    allowed = np.triu(np.ones((count, count), bool), 1)
-    allowed &= np.where(same, request.lidars_per_pole >= 2, request.poles >= 2)
-    allowed &= pair_prices(units, same) <= request.budget_usd
-    i, j = np.nonzero(allowed)
-    model = _model_numbers(units)
+    i, j, missed = allowed_pairs(units, request)
     low, high = np.minimum(model[i], model[j]), np.maximum(model[i], model[j])
+    same = units.place[i] == units.place[j]
     existing = units.existing[i].astype(int) + units.existing[j]
-    key = ((low * (model.max(initial=0) + 1) + high) * 2 + same[i, j]) * 3 + existing
-    for k in _best_of_each(key, -joint[i, j].astype(float)):
-        yield _choice(units, (int(i[k]), int(j[k])), "exact")
+    key = ((low * (model.max(initial=0) + 1) + high) * 2 + same) * 3 + existing
+    for k in _best_of_each(key, -missed.astype(float)):
+        yield choice_of(units, (int(i[k]), int(j[k])), "exact")
 
 
-def _best_sets(units: Units, request: Request) -> list[Choice]:
+def _best_sets(units: Units, model: IntArray, request: Request) -> list[Choice]:
     """Returns greedy options of more than two units, of all LiDARs and of each one alone."""
-    most = min(request.units, most_units(units, request.budget_usd))
-    if most <= 2:
+    if min(request.units, most_units(units, request.budget_usd)) <= 2:
         return []
-    model = _model_numbers(units)
     options = [
         greedy(
             replace(units, probability=np.where(some[:, None], units.probability, 0)),
-            request.budget_usd,
-            poles,
-            request.lidars_per_pole,
+            replace(request, poles=poles),
         )
         for some in [np.ones(len(model), bool), *(model == m for m in np.unique(model))]
         for poles in range(1, request.poles + 1)
@@ -246,39 +173,27 @@ def _best_sets(units: Units, request: Request) -> list[Choice]:
     return [one for one in options if one is not None]
 
 
-def front_of(
-    options: Options,
-    rows: pd.DataFrame,
-    goals: Sequence[Goal],
-    probability: Sequence[FloatArray],
-    units: Units,
-    objects: Objects,
-    law: Detectability,
-    request: Request,
-) -> Front:
-    """Returns the front.
-
-    rows: the rows of the options in `option_table`. probability: of each option, (objects,) that it
-    finds each object.
-    """
-    numbers = range(1, len(options) + 1)
-    sentences = tuple(
-        tuple(_sentences(one, rows[rows.option == n], goals, request))
-        for n, one in zip(numbers, options, strict=True)
-    )
+def front_of(compared: Compared, rows: pd.DataFrame, setting: Setting) -> Front:
+    """Returns the front. rows: those of all options in `option_table`."""
+    units, request, law = compared.units, setting.request, setting.law
+    numbered = list(enumerate(compared.stands, start=1))
+    probability = [compared.predicted(one.units).probability for one in compared.options]
     costs = pd.DataFrame(
         {"option": n, "item": item, "low_usd": span.low, "high_usd": span.high}
-        for n, (choice, _) in zip(numbers, options, strict=True)
+        for n, (choice, _) in numbered
         for item, span in units.parts(choice.units).items()
     )
     doubtful = dict.fromkeys(one.name for one in units.lidars if not one.confirmed)
     return Front(
         rows,
-        tuple(goals),
-        sentences,
+        compared.goals,
+        tuple(
+            tuple(_sentences(one, rows[rows.option == n], compared.goals, request))
+            for n, one in numbered
+        ),
         costs,
-        _cells(probability, objects),
-        objects.frames,
+        _cells(probability, compared.unseen.objects),
+        compared.unseen.objects.frames,
         law.pilot,
         (*doubtful, *units.costs.unconfirmed),
     )

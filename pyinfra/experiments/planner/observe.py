@@ -7,22 +7,130 @@ its distance from the LiDAR and its visible share. Only rays that may meet an ob
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import joblib
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.arrays import AnyArray
+from pyinfra.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.dataset import simulation
 from pyinfra.experiments.benchmark.inputs import named_files
+from pyinfra.experiments.planner.areas import check_on_roads, weighted
 from pyinfra.experiments.planner.candidates import POSE
-from pyinfra.experiments.planner.lidars import PlanLidar
+from pyinfra.experiments.planner.costs import Costs, PlanLidar
+from pyinfra.experiments.planner.detectability import Detectability
+from pyinfra.experiments.planner.request import Effort, Request
 from pyinfra.experiments.planner.site import PlanSite
 
 POSES_AT_ONCE = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What the steps of a plan need: the site, the request, and what an option may consist of."""
+
+    site: PlanSite
+    request: Request
+    effort: Effort
+    law: Detectability
+    costs: Costs
+    poses: pd.DataFrame  # that are possible
+    lidars: Sequence[PlanLidar]  # within the budget
+
+
+@dataclass(frozen=True, eq=False)
+class Objects:
+    """The objects of some frames, in the order of `PlanSite.present`, and their weights."""
+
+    table: pd.DataFrame
+    weight: FloatArray  # (n,) 0 for an object that does not count
+    near: BoolArray  # (n,) whether it lies within the distance of the request
+    frame: IntArray  # (n,) index of the frame
+    frames: int  # number of frames, with those that have no object
+
+    @property
+    def near_vehicles(self) -> BoolArray:
+        """Which objects are vehicles within the distance of the request: (n,)."""
+        return np.asarray(self.near & ~self.table.person.to_numpy(bool))
+
+
+@dataclass(frozen=True, eq=False)
+class Observed:
+    """Pairs of pose and LiDAR, and what those that were not left out see."""
+
+    pairs: pd.DataFrame  # pose, lidar, frames, recall, left_out
+    seen: pd.DataFrame  # observations of the pairs that stayed, with `pair` and `object`
+    objects: Objects
+
+    @property
+    def stayed(self) -> pd.DataFrame:
+        """The pairs that were not left out, numbered as `pair` in `seen`."""
+        return self.pairs[self.pairs.left_out == ""].reset_index(drop=True)
+
+
+def weighted_objects(site: PlanSite, request: Request, frames: Sequence[int]) -> Objects:
+    """Returns the objects of some frames. Those farther than asked for have weight 0."""
+    table = site.present[site.present.frame.isin(frames)].reset_index(drop=True)
+    near = site.is_near(table, request.within_m)
+    weight = weighted(table, near, request.people, request.areas)
+    order = pd.Series(range(len(frames)), index=list(frames))
+    return Objects(table, weight, near, order[table.frame].to_numpy(), len(frames))
+
+
+def check_site(site: PlanSite, request: Request, check_frames: int, *, drawn: bool) -> None:
+    """Raises Error if no object counts. drawn: whether the areas are those of the user."""
+    if drawn:
+        check_on_roads(request.areas, site.roads)
+    objects = weighted_objects(site, request, site.frames)
+    if objects.weight.sum() == 0 or not objects.near_vehicles.any():
+        x, y = site.centre
+        vehicles = objects.table[~objects.table.person]
+        away = np.hypot(vehicles.x - x, vehicles.y - y)
+        nearest = f"; the nearest is {away.min():.0f} m away" if len(away) else ""
+        raise Error(
+            f"within_m: expected vehicles within {request.within_m:g} m of ({x:.0f}, {y:.0f}), "
+            f"got none in {len(site.frames)} frames{nearest}"
+        )
+    left = site.every_frame - len(site.other_frames(check_frames))
+    if request.detector == "background" and check_frames and left < 1:
+        raise Error(
+            f"check_frames: expected below {site.every_frame}, because the detector learns from "
+            f"the other frames of the scene, got {check_frames}"
+        )
+
+
+def joined(rows: pd.DataFrame, pairs: pd.DataFrame, objects: Objects) -> pd.DataFrame:
+    """Returns observations with their pair, object, type and speed."""
+    index = pd.Series(pairs.index, index=pd.MultiIndex.from_frame(pairs[["pose", "lidar"]]))
+    pair = index.reindex(pd.MultiIndex.from_frame(rows[["pose", "lidar"]])).to_numpy()
+    table = objects.table[["frame", "id", "type", "speed"]].assign(object=objects.table.index)
+    out = rows.assign(pair=pair).merge(table, on=["frame", "id"], how="inner")
+    return out.drop(columns=["pose", "lidar"])
+
+
+def observed_again(
+    setting: Setting, site: PlanSite, stayed: pd.DataFrame, units: Iterable[int]
+) -> Observed:
+    """Observes units in the frames of a site, which the choice has not used.
+
+    The share that an option finds in the frames of the choice is too high on average, because the
+    options were selected for it. stayed: pose and lidar of each unit. The result has the same
+    numbers of units.
+    """
+    some = stayed.iloc[sorted(set(units))]
+    wanted = np.zeros((len(setting.poses), len(setting.lidars)), bool)
+    wanted[some.pose, some.lidar] = True
+    rows = observe(
+        site, setting.poses, setting.lidars, wanted, site.frames,
+        jobs=setting.effort.jobs, folder=setting.effort.observations,
+    )  # fmt: skip
+    objects = weighted_objects(site, setting.request, site.frames)
+    return Observed(stayed, joined(rows, stayed, objects), objects)
 
 
 def observe(
@@ -41,19 +149,21 @@ def observe(
     that an interrupted call resumes. Columns: pose, lidar (numbers of rows), frame, id, points,
     along, across, up (extents in metres), distance (m), visibility (0 to 1).
     """
-    tasks = [k for k in range(len(poses)) if wanted[k].any()]
+    tasks = np.flatnonzero(wanted.any(axis=1))
     where = poses[POSE].to_numpy(float)
     inputs = _inputs(site, lidars, frames)
     chunks = [tasks[i : i + POSES_AT_ONCE] for i in range(0, len(tasks), POSES_AT_ONCE)]
 
-    def call(chunk: list[int]) -> AnyArray:
-        file = None
-        if folder is not None:
-            file = folder / f"{_digest(inputs, where[chunk], wanted[chunk])}.npy"
-            if (kept := _kept(file)) is not None:
-                return kept
-        rows = _observed(site.observer, where[chunk], lidars, wanted[chunk], frames)
-        if file is not None:
+    def call(chunk: IntArray) -> AnyArray:
+        some = where[chunk], wanted[chunk]
+        if folder is None:
+            return _observed(site.observer, some[0], lidars, some[1], frames)
+        # The name of a part changes with anything on which observations depend.
+        text = repr((inputs, *(one.tolist() for one in some)))
+        file = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:20]}.npy"
+        rows = _kept(file)
+        if rows is None:
+            rows = _observed(site.observer, some[0], lidars, some[1], frames)
             with replacing(file) as beside, beside.open("wb") as stream:
                 np.save(stream, rows)
         return rows
@@ -66,7 +176,7 @@ def observe(
     numbered = []
     for chunk, rows in zip(chunks, parts, strict=True):
         table = pd.DataFrame(rows)
-        table.insert(0, "pose", np.array(chunk, dtype=np.int64)[table.pop("at").to_numpy()])
+        table.insert(0, "pose", chunk[table.pop("at").to_numpy()])
         numbered.append(table)
     return pd.concat(numbered, ignore_index=True)
 
@@ -112,9 +222,3 @@ def _inputs(
         "frames": [*frames],
         "version": simulation.frames_version(),
     }
-
-
-def _digest(inputs: dict[str, object], poses: AnyArray, wanted: AnyArray) -> str:
-    """Returns a name that changes with anything on which observations depend."""
-    text = repr((inputs, poses.tolist(), wanted.tolist()))
-    return hashlib.sha256(text.encode()).hexdigest()[:20]

@@ -14,20 +14,19 @@ from types import MappingProxyType
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.core.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
 from pyinfra.experiments.planner.areas import of_name
 from pyinfra.experiments.planner.detectability import (
-    CUT,
     CUTS,
     Detectability,
     Law,
     ap_of_counts,
+    cut_of,
     detection_probability,
     false_per_frame,
-    highest_recall_cut,
     object_terms,
 )
-from pyinfra.experiments.planner.race import Objects, Race
+from pyinfra.experiments.planner.observe import Objects, Observed
 from pyinfra.experiments.planner.request import Request
 from pyinfra.metrics.comparison import Interval
 
@@ -52,106 +51,108 @@ class Prediction:
 
 
 @dataclass(frozen=True, eq=False)
-class _Unit:
-    """The objects that one unit sees."""
+class _Seen:
+    """What one unit sees of a class: the numbers of the objects, and their terms."""
 
-    object: np.ndarray
+    object: IntArray
     terms: FloatArray
 
 
+def detection_probabilities(
+    seen: pd.DataFrame, pairs: int, objects: Objects, law: Detectability, request: Request
+) -> Float32Array:
+    """Returns the probability (pairs, objects) that each pair finds each object.
+
+    Boxes count from a score of CUT or, if the request limits false boxes, from the lowest score of
+    the pair that keeps them that rare.
+    """
+    out = np.zeros((pairs, len(objects.table)), np.float32)
+    pair, at = seen.pair.to_numpy(), seen.object.to_numpy()
+    person = objects.table.person.to_numpy(bool)[at]
+    per_frame = np.bincount(pair[~person], minlength=pairs) / max(objects.frames, 1)
+    false = law.vehicles.false[0]
+    cuts = np.array([cut_of(false, float(n), request.most_false)[0] for n in per_frame])
+    terms = object_terms(seen)
+    for of_class, rows in ((law.vehicles, ~person), (law.people, person)):
+        for cut in np.unique(cuts):
+            if of_class is not None:
+                some = rows & (cuts[pair] == cut)
+                p = detection_probability(of_class.detection[0], terms[some], float(cut))
+                out[pair[some], at[some]] = p
+    return out
+
+
 def predict(
-    race: Race,
+    observed: Observed,
     units: Sequence[int],
     law: Detectability,
     request: Request,
     more: Mapping[str, BoolArray] = MappingProxyType({}),
 ) -> Prediction:
-    """Predicts an option of some pairs of a race that stayed.
+    """Predicts an option of some pairs that stayed.
 
     more: further sets of objects by name, (objects,) bool, whose share is predicted as well.
     """
-    seen = [race.seen[race.seen.pair == u] for u in units]
-    objects = race.objects
-    near = objects.near  # people count in the answer even where they do not in the choice
+    objects, names = observed.objects, dict.fromkeys(area.name for area in request.areas)
     person = objects.table.person.to_numpy(bool)
-    seen_per_frame = _seen_per_frame(seen, ~person, objects)
-    cut, keeps = _cut(seen_per_frame, law.vehicles, request)
-    of_vehicles = _units(seen, ~person)
-    probability = _either(of_vehicles, law.vehicles.detection, cut, len(person))
+    of_vehicles = _seen(observed, units, ~person)
+    # The detector runs on the fused points, so that what several units see counts once.
+    every = {number for one in of_vehicles for number in one.object.tolist()}
+    per_frame = len(every) / max(objects.frames, 1)
+    cut, keeps = cut_of(law.vehicles.false[0], per_frame, request.most_false)
+    probability = _either(of_vehicles, law.vehicles, cut, len(person))
     if law.people is not None and person.any():
-        of_people = _either(_units(seen, person), law.people.detection, cut, len(person))
+        of_people = _either(_seen(observed, units, person), law.people, cut, len(person))
         count = min(probability.shape[1], of_people.shape[1])
         probability = np.where(person[:, None], of_people[:, :count], probability[:, :count])
     known = ~person | (law.people is not None)
-    rates = false_per_frame(law.vehicles.false.T, cut, seen_per_frame)[0].tolist()
     std = np.where(person, law.unseen.people, law.unseen.recall)
+
+    def share(counted: BoolArray) -> Interval:
+        return _share(probability, counted & known, objects, std)
+
+    rates = false_per_frame(law.vehicles.false.T, cut, per_frame)[0]
+    logs, rate = np.log(np.maximum(rates, 1e-9)), float(rates[0])
+    factor = float(np.exp(_half_width(logs, law.unseen.log_false**2)))
     return Prediction(
-        recall=_interval(probability, objects.near_vehicles, objects, std),
-        people=_interval(probability, near & person & known, objects, std),
-        areas={
-            name: _interval(
-                probability, of_name(request.areas, name, objects.table) & known, objects, std
-            )
-            for name in dict.fromkeys(area.name for area in request.areas)
-        },
-        false_per_frame=_rate(rates, law.unseen.log_false),
+        recall=share(objects.near_vehicles),
+        people=share(objects.near & person),  # even if they do not count in the choice
+        areas={name: share(of_name(request.areas, name, objects.table)) for name in names},
+        false_per_frame=Interval(rate, rate / factor, rate * factor),  # symmetric in the logarithm
         keeps_false=keeps,
         cut=cut,
-        ap=_spread(
-            _aps(of_vehicles, law.vehicles, seen_per_frame, objects), 0, 100, law.unseen.ap**2
-        ),
-        shares={
-            name: _interval(probability, counted & known, objects, std)
-            for name, counted in more.items()
-        },
+        ap=_limited(_aps(of_vehicles, law.vehicles, per_frame, objects), 100, law.unseen.ap**2),
+        shares={name: share(counted) for name, counted in more.items()},
         probability=probability[:, 0],
         weighted=float(probability[:, 0] @ objects.weight / max(objects.weight.sum(), 1e-12)),
     )
 
 
-def _seen_per_frame(seen: Sequence[pd.DataFrame], counted: BoolArray, objects: Objects) -> float:
-    """Returns the number of counted objects in a frame that a unit sees.
-
-    The detector runs on the fused points, so that an object that several units see counts once.
-    """
-    every = np.zeros(len(counted), bool)
-    for one in seen:
-        every[one.object.to_numpy()] = True
-    return float((every & counted).sum()) / max(objects.frames, 1)
+def _seen(observed: Observed, units: Sequence[int], counted: BoolArray) -> list[_Seen]:
+    rows = observed.seen[counted[observed.seen.object]]
+    parts = [rows[rows.pair == u] for u in units]
+    return [_Seen(one.object.to_numpy(), object_terms(one)) for one in parts]
 
 
-def _cut(seen_per_frame: float, law: Law, request: Request) -> tuple[float, bool]:
-    """Returns the score above which a box counts, and whether false boxes are as rare as asked."""
-    if not np.isfinite(request.false_per_minute):
-        return CUT, True
-    most = request.false_per_minute / request.frames_per_minute
-    return highest_recall_cut(law.false[0], seen_per_frame, most)
-
-
-def _units(seen: Sequence[pd.DataFrame], counted: BoolArray) -> list[_Unit]:
-    some = [one[counted[one.object.to_numpy()]] for one in seen]
-    return [_Unit(one.object.to_numpy(), object_terms(one)) for one in some]
-
-
-def _either(units: Sequence[_Unit], detection: FloatArray, cut: float, objects: int) -> FloatArray:
+def _either(seen: Sequence[_Seen], law: Law, cut: float, objects: int) -> FloatArray:
     """Returns the probability (objects, 1 + replicates) that one of the units finds the object."""
-    missed = np.ones((objects, len(detection)))
-    for unit in units:
-        missed[unit.object] *= 1 - detection_probability(detection.T, unit.terms, cut)
+    missed = np.ones((objects, len(law.detection)))
+    for one in seen:
+        missed[one.object] *= 1 - detection_probability(law.detection.T, one.terms, cut)
     return 1 - missed
 
 
-def _aps(units: Sequence[_Unit], law: Law, seen_per_frame: float, objects: Objects) -> list[float]:
+def _aps(seen: Sequence[_Seen], law: Law, seen_per_frame: float, objects: Objects) -> list[float]:
     """Returns the AP (0 to 100) over all present vehicles, for the fit and its replicates."""
     count = len(objects.table)
     every = int((~objects.table.person).sum())
-    true_positives = np.array([_either(units, law.detection, cut, count).sum(0) for cut in CUTS])
+    true_positives = np.array([_either(seen, law, cut, count).sum(0) for cut in CUTS])
     rates = false_per_frame(law.false.T, np.array(CUTS), seen_per_frame)
     pairs = zip(true_positives.T, rates.T, strict=True)
     return [ap_of_counts(detected, objects.frames * rate, every) for detected, rate in pairs]
 
 
-def _interval(
+def _share(
     probability: FloatArray, counted: BoolArray, objects: Objects, std: FloatArray
 ) -> Interval:
     """Returns the share of the counted objects that is found, with its interval.
@@ -162,28 +163,30 @@ def _interval(
     if total == 0:
         return UNKNOWN
     shares = (probability[counted].sum(0) / total).tolist()
-    frame = objects.frame[counted]
-    sums = np.bincount(frame, probability[counted, 0], objects.frames)
-    counts = np.bincount(frame, minlength=objects.frames)
-    residual = sums - shares[0] * counts
-    frames = max(objects.frames, 2)
-    by_frames = float(residual.var(ddof=1)) * frames / total**2
-    return _spread(shares, 0, 1, by_frames + float(std[counted].mean()) ** 2)
+    moved = moved_by_frame(
+        probability[counted, 0], objects.frame[counted], objects.frames, shares[0]
+    )
+    by_frames = float(moved.var(ddof=1)) * len(moved) / total**2
+    return _limited(shares, 1, by_frames + float(std[counted].mean()) ** 2)
 
 
-def _rate(values: Sequence[float], log_std: float) -> Interval:
-    """Returns the first rate with an interval from the others and from its error at unseen sites.
+def moved_by_frame(found: AnyArray, frame: IntArray, frames: int, share: float) -> FloatArray:
+    """Returns how many objects each frame finds more than a share of its objects: (frames,).
 
-    The interval is symmetric in the logarithm.
+    With the frames as clusters, these give the variance of the share.
+    found: (n,) 0 to 1, whether each object is found. frame: (n,) its frame, 0 to frames - 1.
     """
-    logs = np.log(np.maximum(values, 1e-9))
-    variance = float(logs[1:].var(ddof=1)) if len(values) > 2 else 0.0
-    factor = float(np.exp(Z95 * np.sqrt(variance + log_std**2)))
-    return Interval(values[0], values[0] / factor, values[0] * factor)
+    sums, counts = np.bincount(frame, found, frames), np.bincount(frame, minlength=frames)
+    return np.asarray(sums - share * counts)
 
 
-def _spread(values: Sequence[float], low: float, high: float, more: float = 0.0) -> Interval:
-    """Returns the first value with an interval from the others and a further variance."""
-    variance = float(np.var(values[1:], ddof=1)) if len(values) > 2 else 0.0
-    half = Z95 * float(np.sqrt(variance + more))
-    return Interval(values[0], max(low, values[0] - half), min(high, values[0] + half))
+def _limited(values: Sequence[float], most: float, variance: float) -> Interval:
+    """Returns the first value with an interval within 0 to `most`."""
+    half = _half_width(values, variance)
+    return Interval(values[0], max(0.0, values[0] - half), min(most, values[0] + half))
+
+
+def _half_width(values: Sequence[float] | FloatArray, variance: float) -> float:
+    """Returns half the width of an interval. values: of the fit, then of its replicates."""
+    of_fit = float(np.var(values[1:], ddof=1)) if len(values) > 2 else 0.0
+    return Z95 * float(np.sqrt(of_fit + variance))

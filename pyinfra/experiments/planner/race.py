@@ -8,155 +8,63 @@ each position that the user gave always stays.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 from scipy import special
 
 from pyinfra.core.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from pyinfra.experiments.planner.areas import weighted
 from pyinfra.experiments.planner.candidates import given_places
-from pyinfra.experiments.planner.detectability import (
-    CUT,
-    Detectability,
-    detection_probability,
-    highest_recall_cut,
-    object_terms,
+from pyinfra.experiments.planner.observe import (
+    Objects,
+    Observed,
+    Setting,
+    joined,
+    observe,
+    weighted_objects,
 )
-from pyinfra.experiments.planner.lidars import PlanLidar
-from pyinfra.experiments.planner.observe import observe
+from pyinfra.experiments.planner.predict import detection_probabilities
 from pyinfra.experiments.planner.request import Request
-from pyinfra.experiments.planner.site import PlanSite
 
 FIRST_FRAMES = 6
 LEAST_PER_LIDAR = 3  # pairs of each LiDAR that always stay
 
 
-@dataclass(frozen=True, eq=False)
-class Objects:
-    """The objects of some frames, in the order of `PlanSite.present`, and their weights."""
-
-    table: pd.DataFrame
-    weight: FloatArray  # (n,) 0 for an object that does not count
-    near: BoolArray  # (n,) whether it lies within the distance of the request
-    frame: IntArray  # (n,) index of the frame
-    frames: int  # number of frames, with those that have no object
-
-    @property
-    def near_vehicles(self) -> BoolArray:
-        """Which objects are vehicles within the distance of the request: (n,)."""
-        return np.asarray(self.near & ~self.table.person.to_numpy(bool))
-
-
-@dataclass(frozen=True, eq=False)
-class Race:
-    """The result of a race: the pairs of pose and LiDAR, and what those that stayed see."""
-
-    pairs: pd.DataFrame  # pose, lidar, frames, recall, low, high, left_out
-    seen: pd.DataFrame  # observations of the pairs that stayed, with `pair` and `object`
-    objects: Objects
-
-    @property
-    def stayed(self) -> pd.DataFrame:
-        """The pairs that were not left out, numbered as `pair` in `seen`."""
-        return self.pairs[self.pairs.left_out == ""].reset_index(drop=True)
-
-
-def weighted_objects(site: PlanSite, request: Request, frames: Sequence[int]) -> Objects:
-    """Returns the objects of some frames. Those farther than asked for have weight 0."""
-    table = site.present[site.present.frame.isin(frames)].reset_index(drop=True)
-    away = np.hypot(table.x - site.centre[0], table.y - site.centre[1])
-    near = np.asarray(away <= request.within_m)
-    weight = np.where(table.person, request.people, 1.0) * near
-    weight = weighted(table, np.asarray(weight, float), request.areas)
-    order = pd.Series(range(len(frames)), index=list(frames))
-    return Objects(table, weight, near, order[table.frame].to_numpy(), len(frames))
-
-
-def detection_probabilities(
-    seen: pd.DataFrame,
-    pairs: int,
-    objects: Objects,
-    law: Detectability,
-    request: Request,
-) -> Float32Array:
-    """Returns the probability (pairs, objects) that each pair finds each object.
-
-    Boxes count from a score of CUT or, if the request limits false boxes, from the lowest score of
-    the pair that keeps them that rare.
-    """
-    out = np.zeros((pairs, len(objects.table)), np.float32)
-    cuts = np.full(pairs, CUT)
-    pair, at = seen.pair.to_numpy(), seen.object.to_numpy()
-    person = objects.table.person.to_numpy()[at]
-    if np.isfinite(request.false_per_minute):
-        per_frame = np.bincount(pair[~person], minlength=pairs) / max(objects.frames, 1)
-        most = request.false_per_minute / request.frames_per_minute
-        false = law.vehicles.false[0]
-        cuts = np.array([highest_recall_cut(false, float(n), most)[0] for n in per_frame])
-    terms = object_terms(seen)
-    for is_person in (False, True):
-        one = law.law(person=is_person)
-        rows = np.flatnonzero(person == is_person)
-        if one is None or not len(rows):
-            continue
-        for cut in np.unique(cuts):
-            some = rows[cuts[pair[rows]] == cut]
-            p = detection_probability(one.detection[0], terms[some], float(cut))
-            out[pair[some], at[some]] = p
-    return out
-
-
-def race(
-    site: PlanSite,
-    poses: pd.DataFrame,
-    lidars: Sequence[PlanLidar],
-    possible: BoolArray,
-    request: Request,
-    law: Detectability,
-    *,
-    jobs: int = 1,
-    folder: Path | None = None,
-    progress: Callable[[str], None] = lambda _: None,
-) -> Race:
+def race(setting: Setting, possible: BoolArray) -> Observed:
     """Observes the possible pairs (poses, lidars) of pose and LiDAR, in stages."""
+    site, request, effort = setting.site, setting.request, setting.effort
     at = np.argwhere(possible)
     pairs = pd.DataFrame({"pose": at[:, 0], "lidar": at[:, 1], "frames": 0, "left_out": ""})
+    given = given_places(setting.poses)[at[:, 0]]
     alive = np.ones(len(pairs), bool)
     seen = pd.DataFrame()
-    done = 0
-    for end in stages(min(request.frames, len(site.frames))):
-        numbers = site.frames[done:end]
+    ends = stages(min(request.frames, len(site.frames)))
+    for start, end in zip([0, *ends], ends, strict=False):
         wanted = np.zeros_like(possible)
         wanted[tuple(at[alive].T)] = True
-        rows = observe(site, poses, lidars, wanted, numbers, jobs=jobs, folder=folder)
+        rows = observe(
+            site, setting.poses, setting.lidars, wanted, site.frames[start:end],
+            jobs=effort.jobs, folder=effort.observations,
+        )  # fmt: skip
         objects = weighted_objects(site, request, site.frames[:end])
         seen = pd.concat([seen, joined(rows, pairs, objects)], ignore_index=True)
         seen = seen[alive[seen.pair]]
         pairs.loc[alive, "frames"] = end
-        done = end
-        probability = detection_probabilities(seen, len(pairs), objects, law, request)
+        probability = detection_probabilities(seen, len(pairs), objects, setting.law, request)
         per_frame = frame_sums(probability, objects)
         total = float(objects.weight.sum())
         pairs.loc[alive, "recall"] = per_frame[alive].sum(1) / max(total, 1e-12)
-        progress(f"{alive.sum()} pairs of pose and LiDAR, {end} frames")
-        if end >= min(request.frames, len(site.frames)):
+        effort.tell(f"{alive.sum()} pairs of pose and LiDAR, {end} frames")
+        if end == ends[-1]:
             break
-        stay = contenders(probability, per_frame, pairs, alive, objects, request)
-        always = best_given(given_places(poses)[at[:, 0]], pairs, alive)
-        stay |= always
+        always = best_given(given, pairs, alive)
+        stay = contenders(probability, per_frame, pairs, alive, objects, request) | always
         pairs.loc[alive & ~stay, "left_out"] = f"worse after {end} frames"
-        limited = limit(stay, pairs, request, end) | always
+        limited = limit(stay, pairs, request.most, end) | always
         pairs.loc[stay & ~limited, "left_out"] = f"over the limit of pairs after {end} frames"
         alive = limited
-    stayed = np.flatnonzero(alive)
-    number = np.full(len(pairs), -1)
-    number[stayed] = np.arange(len(stayed))
+    number = np.cumsum(alive) - 1  # of each pair among those that stayed
     seen = seen[alive[seen.pair]].assign(pair=lambda t: number[t.pair]).reset_index(drop=True)
-    return Race(pairs, seen, objects)
+    return Observed(pairs, seen, objects)
 
 
 def stages(most: int) -> list[int]:
@@ -165,15 +73,6 @@ def stages(most: int) -> list[int]:
     while ends[-1] < most:
         ends.append(min(2 * ends[-1], most))
     return ends
-
-
-def joined(rows: pd.DataFrame, pairs: pd.DataFrame, objects: Objects) -> pd.DataFrame:
-    """Returns observations with their pair, object, type and speed."""
-    index = pd.Series(pairs.index, index=pd.MultiIndex.from_frame(pairs[["pose", "lidar"]]))
-    pair = index.reindex(pd.MultiIndex.from_frame(rows[["pose", "lidar"]])).to_numpy()
-    table = objects.table[["frame", "id", "type", "speed"]].assign(object=objects.table.index)
-    out = rows.assign(pair=pair).merge(table, on=["frame", "id"], how="inner")
-    return out.drop(columns=["pose", "lidar"])
 
 
 def frame_sums(probability: Float32Array, objects: Objects) -> FloatArray:
@@ -235,9 +134,9 @@ def best_given(given: IntArray, pairs: pd.DataFrame, alive: BoolArray) -> BoolAr
     return best
 
 
-def limit(stay: BoolArray, pairs: pd.DataFrame, request: Request, frames: int) -> BoolArray:
-    """Returns `stay` with at most `request.most` pairs, fewer the more frames each has."""
-    most = max(int(request.most * FIRST_FRAMES / frames), LEAST_PER_LIDAR)
+def limit(stay: BoolArray, pairs: pd.DataFrame, first: int, frames: int) -> BoolArray:
+    """Returns `stay` with at most `first` pairs, and fewer the more frames each has."""
+    most = max(int(first * FIRST_FRAMES / frames), LEAST_PER_LIDAR)
     if stay.sum() <= most:
         return stay
     # Each LiDAR keeps its share, so that no LiDAR is left out before its best pose is known.

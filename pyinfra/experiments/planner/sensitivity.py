@@ -8,7 +8,7 @@ differences are paired.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,31 +16,25 @@ import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.dataset.loading import with_meshes
-from pyinfra.experiments.planner.check import (
-    Found,
-    Parts,
-    near_vehicles,
-    paired,
-    share,
-    simulate_option,
-)
+from pyinfra.experiments.planner.check import near_vehicles, paired, share, simulate
 from pyinfra.experiments.planner.choice import Choice, Units
-from pyinfra.experiments.planner.decide import PERCENT, Move
-from pyinfra.experiments.planner.predict import UNKNOWN, Prediction
-from pyinfra.experiments.planner.site import PlanSite
-from pyinfra.experiments.planner.tables import Standings, ends
-from pyinfra.experiments.planner.verdict import PREDICTED, SIMULATED
+from pyinfra.experiments.planner.observe import Setting, observed_again
+from pyinfra.experiments.planner.predict import UNKNOWN, predict
+from pyinfra.experiments.planner.request import Request
+from pyinfra.experiments.planner.simulate import Found, Parts, simulate_option
+from pyinfra.experiments.planner.site import PlanSite, other_traffic
+from pyinfra.experiments.planner.tables import ends
+from pyinfra.experiments.planner.verdict import PREDICTED, SIMULATED, Compared, in_order
 from pyinfra.metrics.comparison import Interval
 
-AS_ASKED = "as asked"
 COLUMNS = [
     "case", "option", "chosen", "lidars", "poles", "price_usd",
     "recall", "recall_low", "recall_high", "change", "change_low", "change_high", "source",
 ]  # fmt: skip
-NOTHING_DETECTED = Interval(0.0, 0.0, 0.0)
 RAIN_MM_PER_H = 25.0  # heavy rain
+RAIN = f"rain {RAIN_MM_PER_H:g} mm/h"
+RAIN_FRAMES = 24
 FURTHER_M, LOWER_M, TILT_DEG, YAW_DEG = 2.0, 0.5, 0.5, 0.5
-WITH_WEATHER = "datasheet"  # the preset whose LiDARs detect by received power
 LANE_M = 3.5
 LORRY_SIZE_M = (12.0, 2.55, 4.0)  # largest lorry of two or three axles in the EU (96/53/EC)
 CLEARANCE_M = 0.3  # below its body
@@ -50,8 +44,24 @@ BOX_FACES = [  # of the corners of a box: the lower four, then the upper four
     (1, 2, 6), (1, 6, 5), (2, 3, 7), (2, 7, 6), (3, 0, 4), (3, 4, 7),
 ]  # fmt: skip
 DENSITY = "traffic.vehicles_per_km_lane"
+PERCENT = (-20, 20)
+PER_POLE = ("pole_usd", "installation_usd", "upkeep_usd")
+OTHERS = ("cable_usd", "computer_usd", "usd_per_kwh")
+# Kinds of prices that may change: whether those of LiDARs do, and which lines of the costs do.
+PRICES: dict[str, tuple[bool, tuple[str, ...]]] = {
+    "LiDAR prices": (True, ()),
+    "costs per pole": (False, PER_POLE),
+    "all prices": (True, PER_POLE + OTHERS),
+}
 
-Predict = Callable[[tuple[int, ...]], Prediction]
+
+@dataclass(frozen=True)
+class Move:
+    """The choice with other prices; None if no option is within the budget then."""
+
+    prices: str  # a key of PRICES
+    percent: int
+    choice: Choice | None
 
 
 @dataclass(frozen=True)
@@ -84,9 +94,10 @@ def cases_of(site: PlanSite, parts: Parts) -> list[Case]:
         Case(f"yaw error {YAW_DEG:g} degrees", yaw_error_deg=YAW_DEG),
         standing_lorry(site, np.array(parts[0][0][:2], float)),
     ]
-    if not site.recorded and (density := density_of(site)):
+    density = float((site.keys.get("traffic") or {}).get("vehicles_per_km_lane") or 0)
+    if density and not site.recorded:
         cases.append(Case("twice the traffic", scene={DENSITY: min(100.0, 2 * density)}))
-    if site.preset == WITH_WEATHER:
+    if site.has_weather:
         cases.append(Case(RAIN, scene={"weather.rain_mm_per_h": RAIN_MM_PER_H}))
         cases.append(Case("night", scene={"weather.sunlight_klux": 0}))
     if len(parts) > 1:
@@ -118,6 +129,120 @@ def standing_lorry(site: PlanSite, mast: FloatArray) -> Case:
     return Case("a lorry standing in a lane", scene={"meshes": meshes}, without=(at[0], at[1]))
 
 
+def moves_of(compared: Compared, request: Request) -> list[Move]:
+    """Returns the choice among the options with other prices."""
+    moves = []
+    for prices in PRICES:
+        for percent in PERCENT:
+            changed = with_prices(compared.units, prices, 1 + percent / 100)
+            again = [replace(one, price=changed.price(one.units)) for one in compared.options]
+            within = [one for one in again if one.price.middle <= request.budget_usd]
+            then = in_order(within, compared.standings, request)
+            moves.append(Move(prices, percent, then[0] if then else None))
+    return moves
+
+
+def with_prices(units: Units, prices: str, factor: float) -> Units:
+    """Returns the units with one kind of prices multiplied by a factor."""
+    of_lidars, items = PRICES[prices]
+    lidars = units.lidars
+    if of_lidars:
+        lidars = [replace(one, price_usd=one.price_usd * factor) for one in lidars]
+    lines = {
+        item: line * factor if item in items else line for item, line in units.costs.lines.items()
+    }
+    return replace(units, lidars=lidars, costs=replace(units.costs, lines=lines))
+
+
+def losses(first: Choice, units: Units) -> dict[str, set[int]]:
+    """Returns the units that are lost in each case: each LiDAR, and each pole of several."""
+    cases = {f"LiDAR {k} lost": {u} for k, u in enumerate(first.units, start=1)}
+    for k, pole in enumerate(units.poles(first.units), start=1):
+        lost = {u for u in first.units if int(units.place[u]) == pole}
+        if len(lost) > 1:
+            cases[f"pole {k} lost"] = lost
+    return cases
+
+
+def recall_in_rain(compared: Compared, setting: Setting) -> list[Interval]:
+    """Returns the predicted share of vehicles of each listed option in rain.
+
+    The list is empty if the preset has no weather or no vehicle is near.
+    """
+    if not setting.site.has_weather:
+        return []
+    frames = min(setting.request.frames, RAIN_FRAMES)
+    wet_site = other_traffic(setting.site, frames, {"weather.rain_mm_per_h": RAIN_MM_PER_H})
+    options = [one.units for one in compared.options[: compared.listed]]
+    units = {unit for one in options for unit in one}
+    rainy = observed_again(setting, wet_site, compared.unseen.stayed, units)
+    if not rainy.objects.near_vehicles.any():
+        return []
+    return [predict(rainy, one, setting.law, setting.request).recall for one in options]
+
+
+Row = dict[str, object]
+
+
+def sensitivity_table(rows: Iterable[Row]) -> pd.DataFrame:
+    """Returns the rows as a table. A case that comes again replaces the earlier one."""
+    last: dict[object, Row] = {}
+    for row in rows:
+        last.pop(row["case"], None)
+        last[row["case"]] = row
+    return pd.DataFrame(last.values(), columns=COLUMNS)
+
+
+def computed_rows(
+    compared: Compared, moves: Iterable[Move], in_rain: Iterable[Interval]
+) -> Iterator[Row]:
+    """Yields a row for each case: other prices, the loss of LiDARs and poles, and rain.
+
+    `chosen` is yes for the option that is chosen in a case. Recall in percent of the vehicles
+    within the distance of the request; of a loss, the predicted share.
+    """
+    first = compared.first
+    now = compared.standings[first.units]
+    yield case_row(compared, "as asked", first, now.recall, now.source)
+    for move in moves:
+        case = f"{move.prices} {move.percent:+d} %"
+        if move.choice is None:
+            yield {"case": case, "option": math.nan, "chosen": "no"}
+        else:
+            then = compared.standings[move.choice.units]
+            yield case_row(compared, case, move.choice, then.recall, then.source)
+    for case, lost in losses(first, compared.units).items():
+        left = tuple(u for u in first.units if u not in lost)
+        recall = compared.predicted(left).recall if left else Interval(0.0, 0.0, 0.0)
+        yield case_row(compared, case, first, recall, PREDICTED)
+    for recall in in_rain:
+        yield case_row(compared, RAIN, first, recall, PREDICTED)
+
+
+def simulated_rows(
+    compared: Compared, setting: Setting, parts: Parts, found: Mapping[tuple[int, ...], Found]
+) -> Iterator[Row]:
+    """Yields a row for each case of `what_if`, simulated in the frames of the check.
+
+    found: what each option that was simulated finds.
+    """
+    first = compared.first
+    before = found.get(first.units) or simulate(first, compared, setting)
+    site, request, cut = setting.site, setting.request, compared.predicted(first.units).cut
+    for case in cases_of(site, parts):
+        kept = [one for k, one in enumerate(parts) if k != case.lost]
+        moved = [(case.move(np.array(pose, float)).tolist(), lidar) for pose, lidar in kept]
+        after = simulate_option(
+            site, moved, request.detector, cut, setting.effort.check_frames,
+            scene=case.scene, yaw_error_deg=case.yaw_error_deg,
+        )  # fmt: skip
+        then, now = (away_from(one, case.without) for one in (after, before))
+        recall = share(then, near_vehicles(then, site, request.within_m))
+        change = paired(now, then, site, request.within_m)
+        yield case_row(compared, case.name, first, recall, SIMULATED, change)
+        setting.effort.tell(f"what if: {case.name}")
+
+
 def away_from(found: Found, at: tuple[float, float] | None) -> Found:
     """Returns what was found without the objects within LORRY_M of a place."""
     if at is None:
@@ -126,166 +251,23 @@ def away_from(found: Found, at: tuple[float, float] | None) -> Found:
     return replace(found, objects=found.objects[away > LORRY_M].reset_index(drop=True))
 
 
-RAIN = f"rain {RAIN_MM_PER_H:g} mm/h"
-
-
-def density_of(site: PlanSite) -> float:
-    """Returns the vehicles per km and lane of the scene; 0 if it has none."""
-    traffic = site.keys.get("traffic") or {}
-    return float(traffic.get("vehicles_per_km_lane") or 0)
-
-
-def changed_rows(
-    site: PlanSite,
-    parts: Parts,
-    detector: str,
-    within_m: float,
-    cut: float,
-    before: Found,
-    frames: int,
-    cases: Sequence[Case],
-    progress: Callable[[str], None],
-) -> Iterator[dict[str, object]]:
-    """Yields a row for each case, simulated in the frames of `before`.
-
-    before: the first option as it was simulated, by `simulate_option`.
-    """
-    for case in cases:
-        kept = [one for k, one in enumerate(parts) if k != case.lost]
-        moved = [(case.move(np.array(pose, float)).tolist(), lidar) for pose, lidar in kept]
-        found = simulate_option(
-            site, moved, detector, cut, frames,
-            scene=case.scene, yaw_error_deg=case.yaw_error_deg,
-        )  # fmt: skip
-        found, same = away_from(found, case.without), away_from(before, case.without)
-        counted = near_vehicles(found, site, within_m)
-        change = paired(same, found, site, within_m)
-        row = {"case": case.name, "option": 1, "chosen": "yes", "source": SIMULATED}
-        yield row | ends("recall", share(found, counted), 100) | ends("change", change, 100)
-        progress(f"what if: {case.name}")
-
-
-def table_of(
-    options: Sequence[Choice],
-    standings: Standings,
-    moves: Sequence[Move],
-    units: Units,
-    predicted: Predict,
-) -> pd.DataFrame:
-    """Returns a row for each case and option: other prices, and the loss of LiDARs and poles.
-
-    `chosen` is yes for the option that is chosen in a case. Recall in percent of the vehicles
-    within the distance of the request; of a loss, the predicted share.
-    """
-    first = options[0]
-    number = {one.units: k for k, one in enumerate(options, start=1)}
-
-    def row(case: str, choice: Choice, recall: Interval, source: str) -> dict[str, object]:
-        return {
-            "case": case,
-            "option": number[choice.units],
-            "chosen": "yes",
-            "lidars": " + ".join(units.lidars[u].name for u in choice.units),
-            "poles": len({int(units.place[u]) for u in choice.units}),
-            "price_usd": choice.price.middle,
-            **ends("recall", recall, 100),
-            **ends("change", UNKNOWN),
-            "source": source,
-        }
-
-    now = standings[first.units]
-    rows = [row(AS_ASKED, first, now.recall, now.source)]
-    for move in moves:
-        case = f"{move.prices} {move.percent:+d} %"
-        if move.choice is None:
-            rows.append({"case": case, "option": math.nan, "chosen": "no"})
-        else:
-            then = standings[move.choice.units]
-            rows.append(row(case, move.choice, then.recall, then.source))
-    for case, lost in losses(first, units).items():
-        left = tuple(u for u in first.units if u not in lost)
-        recall = predicted(left).recall if left else NOTHING_DETECTED
-        rows.append(row(case, first, recall, PREDICTED))
-    return pd.DataFrame(rows, columns=COLUMNS)
-
-
-def losses(first: Choice, units: Units) -> dict[str, set[int]]:
-    """Returns the units that are lost in each case: each LiDAR, and each pole of several."""
-    cases = {f"LiDAR {k} lost": {u} for k, u in enumerate(first.units, start=1)}
-    poles = list(dict.fromkeys(int(units.place[u]) for u in first.units))
-    for k, pole in enumerate(poles, start=1):
-        lost = {u for u in first.units if int(units.place[u]) == pole}
-        if len(lost) > 1:
-            cases[f"pole {k} lost"] = lost
-    return cases
-
-
-def with_rows(table: pd.DataFrame, rows: Sequence[dict[str, object]]) -> pd.DataFrame:
-    """Returns the table with rows of the first option, which get its LiDARs and price.
-
-    A case that was simulated replaces the same case that was predicted.
-    """
-    if not rows:
-        return table
-    first = table.iloc[0][["lidars", "poles", "price_usd"]].to_dict()
-    more = pd.DataFrame([row | first for row in rows], columns=COLUMNS)
-    return pd.concat([table[~table.case.isin(more.case)], more], ignore_index=True)
-
-
-def rain_rows(shares: Sequence[Interval]) -> list[dict[str, object]]:
-    """Returns the row of the first option in rain, if its predicted share is known."""
-    row = {"case": RAIN, "option": 1, "chosen": "yes", "source": PREDICTED}
-    return [row | ends("recall", share, 100) for share in shares[:1]]
-
-
-def price_line(
-    moves: Sequence[Move], options: Sequence[Choice], units: Units, at: Standings
-) -> str:
-    """Returns how the choice changes with prices."""
-    number = {one.units: k for k, one in enumerate(options, start=1)}
-    same = [one for one in moves if one.choice and number[one.choice.units] == 1]
-    if len(same) == len(moves):
-        kinds = list(dict.fromkeys(one.prices for one in moves))
-        return (
-            f"The choice stays the same if {', '.join(kinds[:-1])} or {kinds[-1]} rise or fall by "
-            f"{max(PERCENT)} %."
-        )
-    texts = []
-    for move in moves:
-        if move in same:
-            continue
-        start = (
-            f"If {move.prices} {'rise' if move.percent > 0 else 'fall'} by {abs(move.percent)} %,"
-        )
-        if move.choice is None:
-            texts.append(f"{start} no option is within the budget.")
-            continue
-        names = " and ".join(units.lidars[u].name for u in move.choice.units)
-        texts.append(
-            f"{start} the choice is option {number[move.choice.units]} ({names}), which finds "
-            f"{100 * at[move.choice.units].recall.value:.0f} of 100 for "
-            f"US$ {move.choice.price.middle:,.0f}."
-        )
-    if same:
-        texts.append(
-            f"With the other price changes of {max(PERCENT)} %, the choice stays the same."
-        )
-    return " ".join(texts)
-
-
-def change_line(table: pd.DataFrame) -> str:
-    """Returns what the first option finds when a LiDAR fails or something else changes."""
-    lost = table[table.case.str.endswith(" lost") & (table.recall > 0)]
-    texts = [
-        f"{row.recall:.0f} of 100 without {row.case.removesuffix(' lost')} ({row.source})"
-        for row in lost.itertuples()
-    ]
-    others = table[table.case.isin([RAIN]) & (table.source == PREDICTED)]
-    texts += [f"{row.recall:.0f} in {row.case} ({row.source})" for row in others.itertuples()]
-    done = table[(table.source == SIMULATED) & table.change.notna() & ~table.index.isin(lost.index)]
-    texts += [
-        f"{row.recall:.0f} with {row.case} ({row.change:+.0f} [{row.change_low:+.0f} to "
-        f"{row.change_high:+.0f}])"
-        for row in done.itertuples()
-    ]
-    return f"The first option finds {', '.join(texts)}." if texts else ""
+def case_row(
+    compared: Compared,
+    case: str,
+    choice: Choice,
+    recall: Interval,
+    source: str,
+    change: Interval = UNKNOWN,
+) -> Row:
+    """Returns the row of an option that is chosen in a case."""
+    return {
+        "case": case,
+        "option": compared.number(choice),
+        "chosen": "yes",
+        "lidars": " + ".join(compared.units.names(choice.units)),
+        "poles": len(compared.units.poles(choice.units)),
+        "price_usd": choice.price.middle,
+        **ends("recall", recall, 100),
+        **ends("change", change, 100),
+        "source": source,
+    }

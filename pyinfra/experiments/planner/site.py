@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from pyinfra.core.arrays import FloatArray
+from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.errors import Error
 from pyinfra.core.names import StrPath, file_or_name
 from pyinfra.core.vocabulary import OBJECT_NAMES
@@ -78,9 +78,19 @@ class PlanSite:
         return bool(self.keys.get("trajectories"))
 
     @property
+    def has_weather(self) -> bool:
+        """Whether LiDARs detect by received power, which rain and light change."""
+        return self.preset == "datasheet"
+
+    @property
     def other_seed(self) -> int:
         """The traffic seed of the predictions and measurements that follow the choice."""
         return int(self.keys.get("seed", 1)) + 1
+
+    def is_near(self, objects: pd.DataFrame, within_m: float) -> BoolArray:
+        """Returns which objects (columns x, y) are within a distance of the centre: (n,)."""
+        away = np.hypot(objects.x - self.centre[0], objects.y - self.centre[1])
+        return np.asarray(away <= within_m)
 
     def other_frames(self, count: int) -> tuple[int, ...]:
         """Returns frames for what follows the choice; of recorded traffic, later ones."""
@@ -101,6 +111,8 @@ def open_site(
 
     Raises Error without traffic in the region, and for positions in longitude and latitude.
     """
+    if centre_m is not None and not np.isfinite(centre_m).all():
+        raise Error(f"centre_m: expected x and y in metres, got {centre_m}")
     file = scene_path(scene)
     world = simulation.load_scene(file, preset=preset, seed=seed, mount=first_mount(file, preset))
     keys = dict(yaml.safe_load(world.dump()))
@@ -111,8 +123,8 @@ def open_site(
         check_metres(file.parent, np.array([centre_m]), "centre_m")
     count = world.frames_of(period_s)
     order = frame_order(choice_end(keys, count), frames)
-    load = partial(simulation.load_observer, file, order, preset=preset)
-    observed = SiteObserver(partial(load, seed=seed, mount=mount, period_s=period_s))
+    load = partial(simulation.load_observer, file, order, preset=preset, seed=seed)
+    observed = SiteObserver(partial(load, mount=mount, period_s=period_s))
     roads = tuple(roads_of_world(world, f"{file.name}: roads"))
     present = present_objects(observed.built, order)
     if present.empty:
@@ -136,15 +148,12 @@ def other_traffic(
     Simulated traffic has another seed. Of recorded traffic, the last third is used. scene_keys:
     overrides of keys, as in `simulation.load_scene`.
     """
-    frames = site.other_frames(count)
-    load = partial(simulation.load_observer, site.file, frames, preset=site.preset)
-    load = partial(load, mount=site.mount, set=scene_keys, period_s=site.period_s)
-    observed = SiteObserver(partial(load, seed=site.other_seed))
+    frames, seed = site.other_frames(count), site.other_seed
+    load = partial(simulation.load_observer, site.file, frames, preset=site.preset, seed=seed)
+    observed = SiteObserver(partial(load, mount=site.mount, set=scene_keys, period_s=site.period_s))
     present = present_objects(observed.built, frames)
     keys = site.keys | dict(scene_keys or {})
-    return replace(
-        site, seed=site.other_seed, keys=keys, frames=frames, present=present, observed=observed
-    )
+    return replace(site, seed=seed, keys=keys, frames=frames, present=present, observed=observed)
 
 
 def choice_end(keys: dict[str, Any], count: int) -> int:

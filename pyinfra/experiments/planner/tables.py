@@ -1,26 +1,97 @@
-"""The tables of a plan: its options with the figures that decide, and the poses considered."""
+"""The files of a plan's folder: the record of the request, the tables, and the answer."""
 
 from __future__ import annotations
 
-import math
+import dataclasses
+import hashlib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import yaml
 
+from pyinfra.core.errors import Error
+from pyinfra.core.files import write
 from pyinfra.dataset import simulation
+from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.experiments.planner.candidates import POSE
-from pyinfra.experiments.planner.choice import Choice, Units
-from pyinfra.experiments.planner.lidars import PlanLidar
+from pyinfra.experiments.planner.costs import PlanLidar
+from pyinfra.experiments.planner.observe import Setting
 from pyinfra.experiments.planner.predict import UNKNOWN, Prediction
 from pyinfra.experiments.planner.request import Request
-from pyinfra.experiments.planner.verdict import SIMULATED, Standing, verdict
+from pyinfra.experiments.planner.verdict import SIMULATED, Compared, Standing, verdict
+from pyinfra.formats.yaml_file import read_keys
 from pyinfra.metrics.comparison import Interval
 
-Standings = Mapping[tuple[int, ...], Standing]
+REQUEST_FILE = "plan.yaml"
+
+
+def keep_request(folder: Path, setting: Setting, poses: pd.DataFrame) -> None:
+    """Writes everything on which the tables of a plan depend to its folder.
+
+    poses: all, with their faults. Raises Error if the folder has the tables of another request. An
+    unfinished plan is replaced.
+    """
+    asked, file = _described(setting, poses), folder / REQUEST_FILE
+    if folder.exists() and not folder.is_dir():
+        raise Error(f"out: expected a folder, got the file {folder}")
+    if (folder / "options.csv").exists():
+        if not file.is_file():
+            raise Error(
+                f"out: expected a new folder, got {folder} with options.csv and no {REQUEST_FILE}"
+            )
+        before = read_keys(file)
+        changed = [
+            f"{name} {before.get(name)}, now {value}"
+            for name, value in asked.items()
+            if before.get(name) != value
+        ]
+        if changed:
+            raise Error(
+                f"out: expected a new folder or that of the same plan, got {folder} with another "
+                f"({'; '.join(changed[:3])})"
+            )
+    folder.mkdir(parents=True, exist_ok=True)
+    write(file, yaml.safe_dump(asked, sort_keys=False))
+
+
+def _described(setting: Setting, poses: pd.DataFrame) -> dict[str, str]:
+    """Returns the request as text. Keys are those of `plan`."""
+    site, asked = setting.site, dataclasses.asdict(setting.request)
+    areas, period_s = asked.pop("areas"), asked.pop("period_s")
+    lidars = [
+        f"{one.name} at {one.price_usd.low:g} to {one.price_usd.high:g}" for one in setting.lidars
+    ]
+    return {
+        "scene": f"{site.name}, {_digest(site.keys)}",
+        **{name: str(value) for name, value in asked.items()},
+        "seed": str(site.seed),
+        "centre_m": ", ".join(f"{value:g}" for value in site.centre),
+        "lidars": ", ".join(lidars),
+        "poses": f"{len(poses)}, {_digest(poses.to_csv())}",
+        "areas": f"{len(areas)}, {_digest(areas)}",
+        "costs": _digest(setting.costs.lines),
+        "check_frames": str(setting.effort.check_frames),
+        **({} if period_s == PERIOD_S else {"period_s": str(period_s)}),
+    }
+
+
+def _digest(value: object) -> str:
+    return hashlib.sha256(repr(value).encode()).hexdigest()[:12]
+
+
+def write_tables(folder: Path, tables: Mapping[str, pd.DataFrame]) -> None:
+    """Writes NAME.csv of each table. `existing` is yes or no, so that rows can be poses."""
+    for name, table in tables.items():
+        if "existing" in table:
+            words = np.where(table.existing.to_numpy(bool), "yes", "no")
+            table = table.assign(existing=words)
+        write(folder / f"{name}.csv", table.to_csv(index=False, float_format="%.6g"))
 
 
 def ends(name: str, value: Interval, factor: float = 1.0) -> dict[str, float]:
+    """Returns the columns of a figure with its interval."""
     return {
         name: factor * value.value,
         f"{name}_low": factor * value.low,
@@ -28,35 +99,26 @@ def ends(name: str, value: Interval, factor: float = 1.0) -> dict[str, float]:
     }
 
 
-def option_table(
-    options: Sequence[Choice],
-    predictions: Mapping[tuple[int, ...], Prediction],
-    standings: Standings,
-    stayed: pd.DataFrame,
-    poses: pd.DataFrame,
-    lidars: Sequence[PlanLidar],
-    units: Units,
-    request: Request,
-) -> pd.DataFrame:
+def option_table(compared: Compared, setting: Setting, in_rain: Sequence[Interval]) -> pd.DataFrame:
     """Returns a row for each unit of each option; the columns of the option are repeated.
 
     Shares are in percent. `share` decides, and is that of `recall_simulated` where it exists and
-    that of `recall` elsewhere.
+    that of `recall` elsewhere. in_rain: shares of the first options in rain.
     """
-    rows = []
-    for number, choice in enumerate(options, start=1):
-        one = {
-            "poles": len({int(units.place[u]) for u in choice.units}),
+    rows, units, stayed = [], compared.units, compared.unseen.stayed
+    for number, (choice, standing) in enumerate(compared.stands, start=1):
+        of_option = {
+            "poles": len(units.poles(choice.units)),
             "price_usd": choice.price.middle,
             "price_usd_low": choice.price.low,
             "price_usd_high": choice.price.high,
-            **figures(predictions[choice.units], standings[choice.units], request),
+            **_figures(compared.predicted(choice.units), standing, setting.request),
             "latency_ms": units.latency_ms(choice.units),
             "gap": 100 * choice.gap,
             "method": choice.method,
         }
         for k, unit in enumerate(choice.units, start=1):
-            pose = poses.iloc[int(stayed.pose[unit])]
+            pose = setting.poses.iloc[int(stayed.pose[unit])]
             rows.append(
                 {
                     "option": number,
@@ -65,41 +127,43 @@ def option_table(
                     "height_m": pose.height_m,
                     "existing": bool(pose.existing),
                     "kind": pose.kind,
-                    "lidar": lidars[int(stayed.lidar[unit])].name,
+                    "lidar": units.lidars[unit].name,
                 }
-                | one
+                | of_option
             )
-    return pd.DataFrame(rows)
+    table = pd.DataFrame(rows)
+    if setting.site.has_weather:
+        by_option = {k: 100 * share.value for k, share in enumerate(in_rain, start=1)}
+        table["recall_in_rain"] = table.option.map(by_option)
+    return table
 
 
-def figures(before: Prediction, now: Standing, request: Request) -> dict[str, object]:
+def _figures(before: Prediction, now: Standing, request: Request) -> dict[str, object]:
     """Returns the columns of what an option finds: what decides, predicted and simulated."""
     done = now.source == SIMULATED
-    nothing = dict.fromkeys(now.shares, UNKNOWN)
-    columns: dict[str, object] = {
+    shares = {
+        "recall": before.recall,
+        "people_recall": before.people,
+        **before.shares,
+        **{f"recall_{name}": one for name, one in before.areas.items()},
+    }
+    after = {"recall": now.recall, "people_recall": now.people, **now.shares}
+    simulated = {f"{name}_simulated": one if done else UNKNOWN for name, one in after.items()}
+    return {
         "verdict": verdict(now, request),
         **ends("share", now.recall, 100),
         "source": now.source,
         "weighted": 100 * now.weighted,
-        **ends("recall", before.recall, 100),
-        **ends("people_recall", before.people, 100),
+        **{key: x for name, one in shares.items() for key, x in ends(name, one, 100).items()},
+        **ends("false_per_frame", before.false_per_frame),
+        "score": before.cut,
+        "keeps_false": before.keeps_false,
+        **ends("ap_predicted", before.ap),
+        **{key: x for name, one in simulated.items() for key, x in ends(name, one, 100).items()},
+        **ends("false_per_frame_simulated", now.false_per_frame if done else UNKNOWN),
+        **ends("ap_simulated", now.ap if done else UNKNOWN),
+        "position_m_simulated": now.position_m,
     }
-    shares = before.shares | {f"recall_{name}": one for name, one in before.areas.items()}
-    for name, value in shares.items():
-        columns |= ends(name, value, 100)
-    columns |= ends("false_per_frame", before.false_per_frame)
-    columns |= {"score": before.cut, "keeps_false": before.keeps_false}
-    columns |= ends("ap_predicted", before.ap)
-    measured = {
-        "recall": now.recall if done else UNKNOWN,
-        "people_recall": now.people if done else UNKNOWN,
-        **(dict(now.shares) if done else nothing),
-    }
-    for name, value in measured.items():
-        columns |= ends(f"{name}_simulated", value, 100)
-    columns |= ends("false_per_frame_simulated", now.false_per_frame if done else UNKNOWN)
-    columns |= ends("ap_simulated", now.ap if done else UNKNOWN)
-    return columns | {"position_m_simulated": now.position_m if done else math.nan}
 
 
 def candidate_table(

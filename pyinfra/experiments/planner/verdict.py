@@ -6,16 +6,19 @@ order, tables, page and sentences all use it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
-from pyinfra.experiments.planner.choice import Choice
+from pyinfra.experiments.planner.choice import Choice, Units
+from pyinfra.experiments.planner.observe import Observed
 from pyinfra.experiments.planner.predict import Prediction
-from pyinfra.experiments.planner.request import Request
+from pyinfra.experiments.planner.request import Goal, Request
 from pyinfra.metrics.comparison import Interval
 
+Standings = Mapping[tuple[int, ...], "Standing"]
 Verdict = Literal["met", "not known", "not met"]
+LISTED = 3  # options that are described in full
 SIMULATED, PREDICTED = "simulated", "predicted"
 
 
@@ -34,35 +37,51 @@ class Standing:
 
     @staticmethod
     def predicted(one: Prediction) -> Standing:
-        false = one.false_per_frame if one.keeps_false else _above(one.false_per_frame)
+        false = one.false_per_frame
+        if not one.keeps_false:  # no score makes false boxes rarer
+            false = replace(false, low=false.value)
         return Standing(
             one.recall, one.people, one.shares, one.weighted, false, one.ap, float("nan"), PREDICTED
         )
 
 
-def _above(rate: Interval) -> Interval:
-    """Returns a rate of false boxes that no score makes lower: its low end is the rate."""
-    return Interval(rate.value, rate.value, rate.high)
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """The options of a plan, the chosen one first, and what decides about them."""
 
+    options: Sequence[Choice]
+    best: Sequence[Choice]  # those of this request; the others are best for other settings
+    listed: int  # options in the table; the others are those of the front
+    units: Units
+    goals: tuple[Goal, ...]  # with the objects of `unseen`
+    standings: Standings
+    predicted: Callable[[tuple[int, ...]], Prediction]
+    unseen: Observed  # what is seen in other traffic than that of the choice
 
-def most_false(request: Request) -> float:
-    """Returns the most false boxes of a frame."""
-    return request.false_per_minute / request.frames_per_minute
+    @property
+    def first(self) -> Choice:
+        return self.options[0]
+
+    def number(self, choice: Choice) -> int:
+        """Returns the number of an option, from 1."""
+        return 1 + [one.units for one in self.options].index(choice.units)
+
+    @property
+    def stands(self) -> list[tuple[Choice, Standing]]:
+        return [(one, self.standings[one.units]) for one in self.options]
 
 
 def verdict(one: Standing, request: Request) -> Verdict:
     """Returns whether an option meets the request: by its interval, not by its value alone."""
     if not one.recall.is_known:
         return "not known"
-    most, false = most_false(request), one.false_per_frame
+    most, false = request.most_false, one.false_per_frame
     if one.recall.high < request.find or false.low > most:
         return "not met"
     return "met" if one.recall.low >= request.find and false.high <= most else "not known"
 
 
-def in_order(
-    options: Sequence[Choice], standings: Mapping[tuple[int, ...], Standing], request: Request
-) -> list[Choice]:
+def in_order(options: Sequence[Choice], standings: Standings, request: Request) -> list[Choice]:
     """Returns the options, the chosen one first.
 
     Options that meet the request come first, then those that may meet it and whose own values do;
@@ -75,7 +94,7 @@ def in_order(
         one = standings[choice.units]
         met = verdict(one, request)
         enough = one.recall.value >= request.find
-        enough &= one.false_per_frame.value <= most_false(request)
+        enough &= one.false_per_frame.value <= request.most_false
         if met == "met" or (met == "not known" and enough):
             return met != "met", choice.price.middle, -one.weighted
         return 2, -one.weighted, choice.price.middle
@@ -91,7 +110,7 @@ def in_order(
     return out
 
 
-def _beats(one: Choice, other: Choice, standings: Mapping[tuple[int, ...], Standing]) -> bool:
+def _beats(one: Choice, other: Choice, standings: Standings) -> bool:
     """Returns whether an option is cheaper than another and finds as much, both simulated."""
     a, b = standings[one.units], standings[other.units]
     return (

@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.version import __version__
-from pyinfra.experiments.planner.front import CELL_M, Cells, Front, distances
+from pyinfra.experiments.planner.front import CELL_M, Cells, Front
 from pyinfra.experiments.planner.plan import Plan
-from pyinfra.experiments.planner.verdict import SIMULATED, most_false
+from pyinfra.experiments.planner.request import distances
+from pyinfra.experiments.planner.verdict import SIMULATED
 from pyinfra.viz.plan_page.site_map import site_map, window_of
 
 FORMAT = 4  # of the file of the data
@@ -51,7 +52,7 @@ def plan_data(plan: Plan) -> dict[str, Any]:
             "poles": request.poles,
             "within": request.within_m,
             "years": request.years,
-            "most_false": limit(most_false(request)),
+            "most_false": limit(request.most_false),
             "has_weights": bool(request.people or any(one.weight for one in request.areas)),
             "false_per_minute": limit(request.false_per_minute),
         },

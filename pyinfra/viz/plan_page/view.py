@@ -4,8 +4,8 @@ from pathlib import Path
 
 from pyinfra.dataset.fused import fused
 from pyinfra.dataset.surroundings import surroundings_of
-from pyinfra.experiments.planner.measure import frames_at
 from pyinfra.experiments.planner.plan import Plan
+from pyinfra.experiments.planner.simulate import frames_at
 from pyinfra.experiments.planner.tables import units_at
 from pyinfra.formats.yaml_file import parse_yaml
 from pyinfra.viz.viewer.frames import simulated_view

@@ -1,0 +1,71 @@
+"""The notes of a plan in words: how its first option was chosen, and what was left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import pandas as pd
+
+from pyinfra.experiments.planner.choice import Choice, Units, most_units
+from pyinfra.experiments.planner.request import Request
+from pyinfra.experiments.planner.verdict import SIMULATED, Standing
+
+REASONS = 4  # reasons of left-out poses that are listed
+
+
+def usd(value: float) -> str:
+    return f"US$ {value:,.0f}"
+
+
+def how_chosen(
+    options: Sequence[tuple[Choice, Standing]], rows: pd.DataFrame, request: Request, units: Units
+) -> Iterator[str]:
+    """Yields how the first option was chosen."""
+    choice = options[0][0]
+    yield from number_of_poles(rows)
+    if choice.method == "greedy":
+        yield (
+            f"The search for {len(choice.units)} LiDARs is greedy: in the frames of the choice, no "
+            f"other set finds more than {100 * choice.bound:.1f} of 100; the gap is "
+            f"{100 * choice.gap:.1f}."
+        )
+    elif min(request.units, most_units(units, request.budget_usd)) > 2:
+        yield (
+            "The options are exact for one and two LiDARs over all candidates that stayed in the "
+            "race. The search for more LiDARs is greedy, so a better set may exist."
+        )
+    else:
+        yield "The options are exact over all pairs of pose and LiDAR that were not left out."
+    if not any(one.source == SIMULATED for _, one in options):
+        yield "No option was simulated in full, so the predicted shares decide."
+
+
+def number_of_poles(rows: pd.DataFrame) -> Iterator[str]:
+    """Yields the best option of each number of poles, if there are several."""
+    first = rows.drop_duplicates("option").sort_values("share", ascending=False)
+    best = first.drop_duplicates("poles").sort_values("poles")
+    if len(best) < 2:
+        return
+    texts = [
+        f"{row.poles} {'poles find' if row.poles > 1 else 'pole finds'} {row.share:.0f} of 100 "
+        f"for {usd(row.price_usd)} ({row.source})"
+        for row in best.itertuples()
+    ]
+    yield f"Most vehicles by number of poles: {'; '.join(texts)}."
+
+
+def left_out(every: pd.DataFrame) -> Iterator[str]:
+    """Yields lines on the LiDARs that were compared, and on what was left out, by reason."""
+    names = sorted(every.lidar[every.lidar != ""].unique())
+    yield f"LiDARs within the budget: {', '.join(names)}."
+    faults = every[every.lidar == ""].left_out.value_counts()
+    if len(faults):
+        shown = [f"{reason} ({count})" for reason, count in faults.head(REASONS).items()]
+        more = faults.iloc[REASONS:].sum()
+        rest = f"; other reasons ({more})" if more else ""
+        yield f"{faults.sum()} poses are not possible: {'; '.join(shown)}{rest}."
+    raced = every[(every.lidar != "") & (every.left_out != "")].left_out.value_counts()
+    if len(raced):
+        texts = [f"{count} {reason}" for reason, count in raced.items()]
+        total = int((every.lidar != "").sum())
+        yield f"{raced.sum()} of {total} pairs of pose and LiDAR were left out: {'; '.join(texts)}."

@@ -1,0 +1,288 @@
+"""Simulates options of a plan in full: what a detector finds, and what tracks of it count.
+
+The frames are of traffic that neither the choice nor the predictions have used: of three further
+traffic seeds or, for recorded traffic, of its last third. Several LiDARs are fused. Every pose has
+the evaluation region of the site's mount, so that the same objects count for all.
+
+A share of vehicles that are found in a frame says little about counts: a vehicle that is missed in
+some frames is counted if its track continues. For counts, an option is simulated without gaps.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error
+from pyinfra.dataset import simulation
+from pyinfra.dataset.frame_sequence import SimulatedFrames
+from pyinfra.dataset.fused import fused
+from pyinfra.dataset.world_frame import to_world
+from pyinfra.experiments.planner.candidates import POSE
+from pyinfra.experiments.planner.predict import UNKNOWN, Z95
+from pyinfra.experiments.planner.site import PlanSite
+from pyinfra.metrics.comparison import Interval
+from pyinfra.metrics.evaluate import evaluated
+from pyinfra.metrics.evaluation_result import Evaluation
+from pyinfra.metrics.intervals import student
+from pyinfra.metrics.settings import Settings
+from pyinfra.models.detectors.background import DEFAULT, Background
+from pyinfra.models.inference.boxes_table import TrainedDetector, detect, load_detector
+from pyinfra.tracking.evaluation import evaluate_tracks
+from pyinfra.tracking.lines import lines_of
+from pyinfra.tracking.tracks import track
+
+FRAMES = 30
+SEEDS = 3  # of the traffic
+VEHICLES = Settings(ground_truths=("present",))
+PEOPLE = Settings(
+    classes={"pedestrian": ("Pedestrian",)}, ground_truths=("present",), metrics=("centre",)
+)
+REPLICATES, FEWEST = 200, 2  # of the bootstrap
+LEARNING_FRAMES = 30  # frames from which Background learns, beside those that are measured
+SECONDS = 30.0  # of simulated traffic for counts
+WITHIN_M = 80.0  # largest distance of the vehicles whose speeds are compared
+
+Parts = Sequence[tuple[Sequence[float], simulation.Lidar]]  # pose and LiDAR of each unit
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The objects in the frames of a simulated option, and which of them have a box."""
+
+    objects: pd.DataFrame  # frame (index), person, x, y (world), found, away (of its box, metres)
+    frames: int
+    false: FloatArray  # (frames,) false boxes of each frame
+    ap: Interval
+    position_m: float
+
+
+def traffic_of(site: PlanSite, frames: int) -> list[tuple[int, tuple[int, ...]]]:
+    """Returns the traffic seeds of a simulation, and the frames of each."""
+    order = site.other_frames(frames)
+    if site.recorded:
+        return [(site.other_seed, order)]
+    seeds = min(SEEDS, len(order))
+    return [(site.other_seed + 1 + k, order[k::seeds]) for k in range(seeds)]
+
+
+def simulate_option(
+    site: PlanSite,
+    parts: Parts,
+    detector: str,
+    cut: float,
+    frames: int = FRAMES,
+    *,
+    traffic: Sequence[tuple[int, tuple[int, ...]]] = (),
+    scene: Mapping[str, object] | None = None,
+    yaw_error_deg: float = 0.0,
+) -> Found:
+    """Simulates an option, and returns what boxes of a score of `cut` or above find.
+
+    traffic: seeds and the frames of each; by default those of `traffic_of`. scene: overrides of
+    keys of the scene. yaw_error_deg: error of the assumed yaw of each LiDAR; several LiDARs are
+    turned alternately to the left and to the right.
+    """
+    tables, false, aps, start = [], [], [], 0
+    for seed, numbers in traffic or traffic_of(site, frames):
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", ".* used on frames")  # the answer says it once
+            result = measure(
+                site, parts, numbers, detector, seed=seed, scene=scene, yaw_error_deg=yaw_error_deg
+            )
+        at = {number: start + k for k, number in enumerate(sorted(numbers))}
+        start += len(numbers)
+        for one in (result.vehicles, result.people):
+            if one is not None:
+                objects = _objects(one, cut)
+                tables.append(objects.assign(frame=objects.frame.map(at)))
+        boxes = result.vehicles.matches
+        wrong = boxes[(boxes.outcome == "false positive") & (boxes.score >= cut)]
+        false.append(wrong.groupby("frame").size().reindex(sorted(numbers), fill_value=0))
+        aps.append(result.vehicles.ap.iloc[0])
+    every = pd.concat(tables, ignore_index=True)
+    away = every.away[every.found & ~every.person]
+    return Found(
+        every,
+        start,
+        np.concatenate(false).astype(float),
+        _mean_ap(aps),
+        float(away.quantile(0.95)) if len(away) else math.nan,
+    )
+
+
+def _objects(result: Evaluation, cut: float) -> pd.DataFrame:
+    """Returns the objects that count: frame, person, x, y (world frame), found, away."""
+    vehicles, numbers = result.truth.vehicles, np.array(result.truth.frames)
+    xy = vehicles.boxes[:, :2]
+    truth = pd.DataFrame(
+        {"frame": numbers[vehicles.frame], "object_id": vehicles.ids, "true_x": xy[:, 0],
+         "true_y": xy[:, 1], "person": np.array(vehicles.names) == "Pedestrian"}
+    )  # fmt: skip
+    matches = result.matches[result.matches.outcome.isin(["true positive", "missed"])]
+    rows = matches.merge(truth, on=["frame", "object_id"])
+    found = (rows.outcome == "true positive") & (rows.score >= cut)
+    world = rows[["true_x", "true_y"]].to_numpy(float)
+    if (lidar := result.truth.lidar) is not None:
+        world = to_world(world, lidar.T_world_levelled)
+    away = np.hypot(rows.x - rows.true_x, rows.y - rows.true_y)
+    return pd.DataFrame(
+        {"frame": rows.frame, "person": rows.person, "x": world[:, 0],
+         "y": world[:, 1], "found": found, "away": away}
+    )  # fmt: skip
+
+
+def _mean_ap(rows: Sequence[pd.Series]) -> Interval:
+    """Returns the mean AP of the seeds, with the variance of its time blocks and of the seeds."""
+    values = np.array([row.ap_r1000 for row in rows], float)
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return UNKNOWN
+    mean, half = float(values.mean()), math.nan
+    if len(values) > 1:
+        half = float(student(len(values)) * values.std(ddof=1) / len(values) ** 0.5)
+    elif math.isfinite(rows[0].ap_r1000_low):
+        half = float(rows[0].ap_r1000_high - rows[0].ap_r1000_low) / 2
+    return Interval(mean, max(0.0, mean - half), min(100.0, mean + half))
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What a detector found in the frames of an option."""
+
+    vehicles: Evaluation
+    people: Evaluation | None  # None without pedestrians in the frames
+
+
+def frames_at(
+    site: PlanSite,
+    pose: Sequence[float],
+    lidar: simulation.Lidar,
+    numbers: Sequence[int],
+    *,
+    seed: int | None = None,
+    scene: Mapping[str, object] | None = None,
+    threads: int | None = None,
+) -> SimulatedFrames:
+    """Returns the frames of a LiDAR at a pose (x y z yaw pitch; m, deg), in ascending order.
+
+    scene: overrides of keys of the scene.
+    """
+    keys: dict[str, object] = dict(scene or {})
+    keys |= {f"mounts.{site.mount}.{key}": float(v) for key, v in zip(POSE, pose, strict=True)}
+    keys[f"mounts.{site.mount}.roll_deg"] = 0.0
+    world = simulation.load_scene(
+        site.file,
+        preset=site.preset,
+        seed=site.seed if seed is None else seed,
+        set=keys,
+        mount=site.mount,
+    )
+    sequence = SimulatedFrames(world, lidar, tuple(sorted(numbers)), threads)
+    sequence.roads = site.roads
+    return sequence
+
+
+def measure(
+    site: PlanSite,
+    units: Sequence[tuple[Sequence[float], simulation.Lidar]],
+    numbers: Sequence[int],
+    detector: str = "generalist",
+    *,
+    seed: int | None = None,
+    scene: Mapping[str, object] | None = None,
+    yaw_error_deg: float = 0.0,
+) -> Measured:
+    """Simulates an option, fused where it has several LiDARs, and evaluates a detector.
+
+    scene: overrides of keys of the scene. yaw_error_deg: error of the assumed yaw of each LiDAR.
+    With an error there are no intervals.
+    """
+    alone = [frames_at(site, pose, lidar, numbers, seed=seed, scene=scene) for pose, lidar in units]
+    replicates = FEWEST if yaw_error_deg else REPLICATES
+    return measure_frames(fused(alone, yaw_error_deg), detector, replicates)
+
+
+def measure_frames(
+    frames: SimulatedFrames, detector: str, replicates: int = REPLICATES
+) -> Measured:
+    """Evaluates a detector on the frames of an option."""
+    detections = detect(detector_for(frames, detector), frames)
+    vehicles = evaluated(frames, detections, replace(VEHICLES, replicates=replicates))
+    types = vehicles.truth.vehicles.names
+    people = None
+    if "Pedestrian" in types and detector != "background":
+        people = evaluated(frames, detections, replace(PEOPLE, replicates=replicates))
+    return Measured(vehicles, people)
+
+
+def detector_for(frames: SimulatedFrames, detector: str) -> TrainedDetector | Background:
+    """Returns the detector for the frames; Background learns from other frames of the scene."""
+    if detector != "background":
+        return load_detector(detector, threads=frames.threads)
+    every = [k for k in frames.known if k not in set(frames.numbers)]
+    if not every:
+        raise Error("detector: expected frames to learn the background from, got none")
+    step = max(1, len(every) // LEARNING_FRAMES)
+    learning = frames.of(every[::step][:LEARNING_FRAMES])
+    clouds = [frame.points for frame in learning]
+    return Background.learn(clouds, DEFAULT, frames.region, frames.ground)
+
+
+@dataclass(frozen=True)
+class Counting:
+    """Passages of an option that were counted, and how exact its speeds are."""
+
+    seconds: float
+    passages: int  # true passages over all lines
+    counted: int  # of them, with a passage of a track
+    extra: int  # passages of tracks without a true one
+    speed_error_km_h: float  # median
+    has_lines: bool = True  # whether a line can be drawn across the roads
+
+    @property
+    def share(self) -> Interval:
+        """The share of the passages that is counted, with a Wilson interval of 95 %."""
+        if not self.passages:
+            return UNKNOWN
+        n, share, z2 = self.passages, self.counted / self.passages, Z95**2
+        middle = (share + z2 / (2 * n)) / (1 + z2 / n)
+        half = Z95 * math.sqrt(share * (1 - share) / n + z2 / (4 * n * n)) / (1 + z2 / n)
+        return Interval(share, max(0.0, middle - half), min(1.0, middle + half))
+
+
+def count_option(site: PlanSite, parts: Parts, detector: str, seconds: float = SECONDS) -> Counting:
+    """Simulates an option without gaps and counts its vehicles over the lines of the site's roads.
+
+    The traffic is that of a seed that neither the choice nor the predictions have used or, for
+    recorded traffic, its last part.
+    """
+    frames = max(2, min(round(seconds / site.period_s), site.every_frame))
+    first = site.every_frame - frames if site.recorded else 0
+    numbers = range(first, first + frames)
+    seed = site.other_seed if site.recorded else site.other_seed + 1
+    alone = [frames_at(site, pose, lidar, numbers, seed=seed) for pose, lidar in parts]
+    sequence = fused(alone)
+    try:
+        lines = lines_of(sequence)
+    except Error:
+        return Counting(frames * site.period_s, 0, 0, 0, math.nan, has_lines=False)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".* used on frames")  # the answer says it once
+        tracks = track(detect(detector_for(sequence, detector), sequence), sequence)
+    result = evaluate_tracks(sequence, tracks, within_m=WITHIN_M, lines=lines)
+    extra = int((result.passages.true_id < 0).sum())
+    counted = len(result.passages) - extra
+    return Counting(
+        frames * site.period_s,
+        counted + len(result.missed),
+        counted,
+        extra,
+        float(result.measures.speed_error_km_h),
+    )
