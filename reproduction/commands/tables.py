@@ -34,6 +34,7 @@ from reproduction.tables import (
     rungs,
     sentences,
     sentences_of_models,
+    sentences_of_poles,
     simulator,
     sites,
     steps,
@@ -157,6 +158,9 @@ TEXTS: dict[str, Callable[[], str]] = {
     "tracks": sentences_of_models.tracks,
     "live tracking": sentences_of_models.follow,
     "people": sentences_of_models.people,
+    "places": sentences_of_poles.places,
+    "poles": sentences_of_poles.poles,
+    "pole errors": sentences_of_poles.pole_errors,
     "unseen": sentences_of_models.unseen,
 }
 
