@@ -1,7 +1,5 @@
 """Writes the answers of the page on several poles (see `sentences`)."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from pyinfra.metrics.comparison import Interval, over_replicates
