@@ -1,6 +1,7 @@
 """Fixtures for the tests of the `infrasim` binary of this Python environment."""
 
 import hashlib
+import html
 import os
 import subprocess
 import sys
@@ -25,16 +26,17 @@ ROOT = Path(__file__).resolve().parents[2]
 BINARY = Path(sys.executable).with_name("infrasim")
 
 # The slowest test files. They start first, so that no worker still runs one of them at the end.
-LONG = [
-    f"test_{name}" for name in ("benchmark", "detectors", "docs", "cli_errors", "processes", "onnx")
-]
+LONG = (
+    "api benchmark benchmark_inputs cli_errors detectors docs faults onnx own_recording planner "
+    "processes recommend report report_browser stress training viewer_browser"
+).split()
 
 Result = subprocess.CompletedProcess[str]
 Infrasim = Callable[..., Result]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: item.path.stem not in LONG)
+    items.sort(key=lambda item: item.path.stem.removeprefix("test_") not in LONG)
 
 
 @pytest.fixture(scope="session")
@@ -118,6 +120,17 @@ def browser() -> Iterator[Browser]:
     """A headless Chromium, for the tests of one file."""
     with start_browser() as started:
         yield started
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Makes the figures of reports empty, for tests that read only text. Drawing takes most of the
+    time of a page."""
+
+    def empty(_: object, name: str, label: str, dpi: int = 0) -> str:
+        return f'<svg role="img" aria-label="{html.escape(label)}"></svg>'
+
+    monkeypatch.setattr("pyinfra.viz.report.svg.inline", empty)
 
 
 @pytest.fixture(scope="session")

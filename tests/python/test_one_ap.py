@@ -101,6 +101,7 @@ def shown(numbers: tuple[str, ...]) -> str:
     return "{} [{}, {}]".format(*numbers)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_evaluate_report_and_recommend_show_the_same_digits(
     evaluated: dict[str, tuple[str, ...]], results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -176,6 +176,7 @@ def test_coverage_of_a_site_of_lanes_is_squares_within_the_range(
     assert "Covered, squares of 20 m" in out.read_text()
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.nightly
 @pytest.mark.parametrize(
     ("low", "high", "reason"),

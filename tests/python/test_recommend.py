@@ -546,6 +546,7 @@ def test_nothing_follows_from_networks_of_the_smoke_tier(
     assert line not in output_lines(capsys, results, "--budget", 8000)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_did_not_learn_in_the_smoke_tier_has_no_warning_of_it(
     results: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -52,6 +52,7 @@ def test_the_answer_comes_first_and_names_lidar_and_detector(whole: Path) -> Non
     assert "AP (R40) 92.5 [90.5, 93.5]; the difference to Livox Avia with PointPillars" in first
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.nightly
 def test_without_replicates_it_is_reported_once_that_nothing_is_significant(tmp_path: Path) -> None:
     tables = report_data.tables()
@@ -68,6 +69,7 @@ def test_the_cheapest_choice_is_told_with_its_ap_of_the_whole_road(whole: Path) 
     assert "US$ 2,079, AP (R40) 45.6 of all visible vehicles" in Read(whole).text
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("truth", ["all", "present"])
 def test_cards_rank_by_the_whole_road_and_not_by_what_a_lidar_captured(
     tmp_path: Path, truth: str
@@ -181,6 +183,7 @@ def test_tables_without_rows_are_not_there(tmp_path: Path) -> None:
     assert "answer" not in page.ids
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_one_detector_only(tmp_path: Path) -> None:
     experiments = report_data.experiments()
     results = report_data.write(
@@ -317,6 +320,7 @@ def custom_site(folder: Path) -> Path:
     return report_data.write(folder, tables)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_report_of_an_own_site_opens_with_what_is_recommended(tmp_path: Path) -> None:
     text = Read(report(custom_site(tmp_path / "results"))).text
     answer = text[text.index("Bridge, preset paper, any price, AP of at least 85 for the") :]
@@ -327,6 +331,7 @@ def test_the_report_of_an_own_site_opens_with_what_is_recommended(tmp_path: Path
     assert "Highest AP of the vehicles it captures" not in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_report_of_an_own_site_takes_the_limits_of_recommend(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -346,6 +351,7 @@ def test_the_report_of_an_own_site_takes_the_limits_of_recommend(
     assert "--min-ap: expected above 1 to 100, got 0.85" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.nightly
 def test_a_shipped_scene_is_answered_by_the_limits_that_are_asked(tmp_path: Path) -> None:
     results = report_data.write(tmp_path / "results", report_data.tables())
@@ -356,12 +362,14 @@ def test_a_shipped_scene_is_answered_by_the_limits_that_are_asked(tmp_path: Path
     assert "Highest AP of the vehicles it captures" in Read(report(results)).text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_is_slower_than_its_lidar_is_reported_as_such(tmp_path: Path) -> None:
     experiments = report_data.experiments().assign(latency_p50_ms=544.0)
     text = Read(report(report_data.write(tmp_path / "results", {"quick.csv": experiments}))).text
     assert "544 ms a frame, more than the 100 ms of a frame, AP (R40)" in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_other_presets_are_under_a_section_of_that_name(tmp_path: Path) -> None:
     tables = {
         name: pd.concat([table, table.assign(preset="datasheet")])
@@ -374,6 +382,7 @@ def test_other_presets_are_under_a_section_of_that_name(tmp_path: Path) -> None:
     assert title in titles
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_open_chart_of_prices_is_of_the_preset_of_its_text(tmp_path: Path) -> None:
     value = report_data.value()
     tables = {"quick_value.csv": pd.concat([value, value.assign(preset="datasheet")])}
@@ -448,6 +457,7 @@ def test_labels_are_not_cut_beside_wide_ticks(top: float) -> None:
     assert drawn.y1 <= size[1]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_columns_without_a_value_are_left_out(tmp_path: Path) -> None:
     """The artificial results have no US$ per metre of road."""
     text = Read(report(report_data.write(tmp_path / "results"))).text
@@ -531,6 +541,7 @@ def test_a_scene_keeps_the_capitals_of_its_name() -> None:
     assert capitalized("junction") == "Junction"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_results_of_several_scenes_begin_with_one_overall_answer(tmp_path: Path) -> None:
     report_page = report(several_scenes(tmp_path / "results"))
     text = Read(report_page).text
@@ -542,6 +553,7 @@ def test_results_of_several_scenes_begin_with_one_overall_answer(tmp_path: Path)
     assert labels == ["Plan of highway", "Plan of curve"]
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("least", "answer"),
     [

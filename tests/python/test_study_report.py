@@ -78,6 +78,7 @@ def test_hits_stand_beside_the_papers(whole: Path) -> None:
     assert "by 10.0 % on average and by 10.0 % at most" in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_what_the_paper_shows_and_this_page_does_not_is_named(tmp_path: Path) -> None:
     results = report_data.write(tmp_path / "results", {"quick.csv": report_data.experiments()})
     assert "Figure: scanning patterns not here: needs a data set" in Read(report(results)).text
@@ -167,6 +168,7 @@ def test_the_papers_ap_is_complete() -> None:
     assert value["curve", "helios_16", "pointrcnn"] == 16.40
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.nightly
 def test_the_report_of_an_own_site_has_nothing_of_the_paper(tmp_path: Path) -> None:
     page = Read(report(custom_site(tmp_path / "results")))
@@ -175,6 +177,7 @@ def test_the_report_of_an_own_site_has_nothing_of_the_paper(tmp_path: Path) -> N
     assert "the paper" not in page.text
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.nightly
 def test_scenes_of_the_paper_beside_an_own_site_keep_their_cards(tmp_path: Path) -> None:
     results = custom_site(tmp_path / "results")
