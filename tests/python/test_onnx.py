@@ -2,6 +2,7 @@
 points."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,10 +29,13 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def saved(name: str, folder: Path, steps: int = 0) -> Path:
-    """Writes a checkpoint of a small network after a few training steps. That of the generalist has
-    several classes."""
+    """Writes a checkpoint of a network with few layers after a few training steps. That of the
+    generalist has several classes."""
     tier: Tier = "full" if name == "generalist" else "smoke"
     recipe = read_recipe(ROOT / f"configs/detectors/{name}.yaml", tier)
+    if name != "dsvt":
+        bev = replace(recipe.network.bev, layers=(0, 1, 1))
+        recipe = replace(recipe, network=replace(recipe.network, bev=bev))
     torch.manual_seed(3)
     network = checkpoint.build(recipe.detector, recipe.network, SITE)
     optimizer = torch.optim.AdamW(network.train().parameters(), 0.003)
