@@ -24,7 +24,7 @@ from pyinfra.experiments.pool import BACKENDS, Pool
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Runs an experiment for each combination of scene, LiDAR, preset, detector and seed, and "
-        "writes one row of results each. A row holds everything needed to repeat its experiment. "
+        "writes one row of results each. A row has all that its experiment needs to be reproduced. "
         "Run the same command again to resume."
     )
     parser.epilog = "example: pyinfra benchmark demo --tier smoke --out out/demo"
