@@ -40,6 +40,7 @@ def save(figure: Figure, stem: Path) -> None:
     with mpl.rc_context(STYLE):
         with replacing(Path(f"{stem}.svg")) as beside:
             figure.savefig(beside, format="svg", metadata={"Date": None})
+        figure.set_layout_engine("none")  # that of the SVG stays
         with replacing(Path(f"{stem}.png")) as beside:
             figure.savefig(beside, format="png", dpi=150)
 
