@@ -7,6 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.cli.messages import progress
+from pyinfra.cli.parser import argument, usage
 from pyinfra.core.errors import Error
 from pyinfra.core.names import file_or_name
 from pyinfra.core.vocabulary import TIERS
@@ -20,40 +21,37 @@ from pyinfra.experiments.benchmark.until import benchmark_until
 from pyinfra.experiments.benchmark.workspace import Workspace
 from pyinfra.experiments.pool import BACKENDS, Pool
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Runs an experiment for each combination of scene, LiDAR, preset, detector and seed, and "
-        "writes one row of results each. A row has all that its experiment needs to be reproduced. "
-        "Run the same command again to resume."
-    )
-    parser.epilog = "example: pyinfra benchmark demo --tier smoke --out out/demo"
-    parser.add_argument(
+add_arguments = usage(
+    "Runs an experiment for each combination of scene, LiDAR, preset, detector and seed, and "
+    "writes one row of results each. A row has all that its experiment needs to be reproduced. "
+    "Run the same command again to resume.",
+    "example: pyinfra benchmark demo --tier smoke --out out/demo",
+    argument(
         "config",
         metavar="CONFIG",
         help="a benchmark's name, such as demo, or a file as in configs/benchmarks",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--tier", choices=TIERS, default="quick", help="size of the benchmark; default: quick"
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--scene", default="", help="a scene's file or name; replaces the scenes of the config"
-    )
-    parser.add_argument("--out", type=Path, required=True, help="folder for the tables of results")
-    parser.add_argument(
+    ),
+    argument("--out", type=Path, required=True, help="folder for the tables of results"),
+    argument(
         "--work",
         type=Path,
         default=Path("data/benchmark"),
         help="folder for simulated frames and trained detectors, one for each tier; default: "
         "data/benchmark",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--jobs",
         type=int,
         default=os.cpu_count() or 1,
         help="number of experiments to run at the same time; default: one per core",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--backend",
         choices=BACKENDS,
         default="local",
@@ -61,24 +59,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "where the experiments run: on this machine (local), or on a Ray or Dask cluster; "
             "default: local"
         ),
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--address",
         default="",
         help="address of a running cluster, with --backend ray or dask; default: start one on "
         "this machine",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--device",
         default="cpu",
         help="cpu, cuda (any free GPU) or one GPU such as cuda:1; default: cpu",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--only-latency",
         action="store_true",
         help="only measure the latency of finished experiments again, one at a time",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--until",
         dest="until_ap",
         type=float,
@@ -86,12 +84,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="repeat the benchmark with other traffic, 3, 5 or 10 times, until the difference of "
         "the best two options is known to this many AP (half-width of its interval) in every "
         "scene and preset; default: one run",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--dry-run",
         action="store_true",
         help="only print the unfinished experiments and their expected run time",
-    )
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 
+from pyinfra.cli.parser import argument, usage
 from pyinfra.core.errors import Error
 from pyinfra.core.files import check_output, replacing
 from pyinfra.core.vocabulary import SUBSETS
@@ -17,24 +18,23 @@ from pyinfra.metrics.places import compare_places
 SHOWN = {"ap_r1000": "AP (R1000)", "recall_percent": "recall %", "hidden_percent": "hidden %"}
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Compares mounts (pole positions, heights or numbers of poles) that see the same traffic. "
-        "Prints the AP of each mount, the share of vehicles that are matched with a box of any "
-        "score, and the share of vehicles that are hidden from the mount. Then prints paired "
-        "differences with 95 % intervals. Each PLACE is one mount: an output folder of `pyinfra "
-        "evaluate`, or a folder with one such folder for each traffic seed."
-    )
-    parser.epilog = "example: pyinfra compare out/low out/high"
-    parser.add_argument("places", nargs="+", type=Path, metavar="PLACE", help="two folders or more")
-    parser.add_argument(
+add_arguments = usage(
+    "Compares mounts (pole positions, heights or numbers of poles) that see the same traffic. "
+    "Prints the AP of each mount, the share of vehicles that are matched with a box of any "
+    "score, and the share of vehicles that are hidden from the mount. Then prints paired "
+    "differences with 95 % intervals. Each PLACE is one mount: an output folder of `pyinfra "
+    "evaluate`, or a folder with one such folder for each traffic seed.",
+    "example: pyinfra compare out/low out/high",
+    argument("places", nargs="+", type=Path, metavar="PLACE", help="two folders or more"),
+    argument(
         "--ground-truth",
         choices=SUBSETS,
         default="present",
         help="ground-truth subset; default: present, which contains every vehicle in the region, "
         "visible or not, and is therefore the same for all mounts",
-    )
-    parser.add_argument("--out", type=Path, metavar="FILE", help="CSV file to write the rows to")
+    ),
+    argument("--out", type=Path, metavar="FILE", help="CSV file to write the rows to"),
+)
 
 
 def run(args: argparse.Namespace) -> int:

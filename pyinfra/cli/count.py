@@ -3,33 +3,32 @@
 import argparse
 from pathlib import Path
 
+from pyinfra.cli.parser import argument, usage
 from pyinfra.core.errors import Error
 from pyinfra.tracking.counts import Counts, count
 from pyinfra.viz.traffic_page import write_page
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Counts tracks at lines and by movement, with speeds, headways, gaps, occupancy, queues "
-        "and travel times. Writes CSV files and a page with a map of the flows."
-    )
-    parser.epilog = "example: pyinfra count out/tracks.csv data/minute/ruby_plus --out out/counts"
-    parser.add_argument("tracks", metavar="TRACKS", type=Path, help="file of `pyinfra track`")
-    parser.add_argument(
+add_arguments = usage(
+    "Counts tracks at lines and by movement, with speeds, headways, gaps, occupancy, queues "
+    "and travel times. Writes CSV files and a page with a map of the flows.",
+    "example: pyinfra count out/tracks.csv data/minute/ruby_plus --out out/counts",
+    argument("tracks", metavar="TRACKS", type=Path, help="file of `pyinfra track`"),
+    argument(
         "site",
         metavar="SITE",
         type=Path,
         help="folder of the LiDAR, whose roads give the lines, or a YAML file with "
         "`lines_m: {name: [[x, y], [x, y]]}` in the levelled LiDAR frame",
-    )
-    parser.add_argument("--out", type=Path, required=True, help="folder for tables and page")
-    parser.add_argument(
+    ),
+    argument("--out", type=Path, required=True, help="folder for tables and page"),
+    argument(
         "--interval-s",
         type=float,
         default=900.0,
         help="length of the intervals in seconds; default: 900",
-    )
-    parser.add_argument("--no-page", action="store_true", help="write the tables only")
+    ),
+    argument("--no-page", action="store_true", help="write the tables only"),
+)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pyinfra.api import benchmark
 from pyinfra.cli.messages import progress
+from pyinfra.cli.parser import argument, usage
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import Tier
 from pyinfra.viz.report.contents import page
@@ -17,15 +18,12 @@ BENCHMARK = "junction"  # a file of configs/benchmarks
 TIER: Tier = "quick"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Simulates four LiDARs at a junction, runs the pretrained detector on their frames and "
-        "writes a report, in about a minute on two cores. Run the same command again to resume."
-    )
-    parser.epilog = "example: pyinfra demo --out demo"
-    parser.add_argument(
-        "--out", type=Path, default=Path("demo"), help="output folder; default: demo"
-    )
+add_arguments = usage(
+    "Simulates four LiDARs at a junction, runs the pretrained detector on their frames and "
+    "writes a report, in about a minute on two cores. Run the same command again to resume.",
+    "example: pyinfra demo --out demo",
+    argument("--out", type=Path, default=Path("demo"), help="output folder; default: demo"),
+)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -13,6 +13,7 @@ from typing import TextIO
 import numpy as np
 
 from pyinfra.cli.messages import warn
+from pyinfra.cli.parser import argument, usage
 from pyinfra.core.arrays import Points
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.machine_load import OtherLoad, other_load
@@ -58,113 +59,110 @@ PRETRAINED = "generalist"
 LIKELY = 0.5
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Runs a trained detector on point clouds and prints its latency."
-    parser.epilog = (
-        "example: pyinfra detect data/highway/ruby_plus --model runs/pillars "
-        "--out runs/pillars/predictions"
-    )
-    parser.add_argument(
+add_arguments = usage(
+    "Runs a trained detector on point clouds and prints its latency.",
+    "example: pyinfra detect data/highway/ruby_plus --model runs/pillars "
+    "--out runs/pillars/predictions",
+    argument(
         "inputs",
         metavar="DATA",
         nargs="+",
         type=Path,
         help="folder of one LiDAR, or point clouds: .pcd files, or .bin files with x, y, z, "
         "intensity",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--model",
         type=Path,
         default=Path(PRETRAINED),
         help="detector: an output folder of `pyinfra train`, a model file, or the name of a "
         f"pretrained detector; default: {PRETRAINED}",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--out",
         type=Path,
         help="folder for boxes as KITTI results; required if DATA is a folder, otherwise boxes are "
         "printed",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--split",
         help="which frames of the folder: val, train or all; default: val if the data set is "
         "split, else all",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--frames",
         metavar="A:B[:STEP]",
         help="frame numbers from A to B, without B; default: all frames of the split",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--max-frames",
         type=int,
         default=0,
         metavar="N",
         help="maximum number of frames, evenly distributed; default: 0, which means all frames",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--checkpoint",
         choices=("last", "best"),
         default="last",
         help="checkpoint of the training: the last, or the best on the validation frames "
         "(validate_frames in the detector's configuration); default: last",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--height-m",
         type=float,
         help="height of the sensor above a level road, in metres; default: taken from DATA",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--region",
         type=Path,
         metavar="FILE",
         help="YAML file with the outline of the area where vehicles can be, "
         "`outline_m: [[x, y], ...]`; default: taken from DATA",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--drop-standing",
         action="store_true",
         help="remove vehicle boxes that recur at positions where nothing moves; needs a folder, "
         "preferably a minute of frames or more",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--skip-bad",
         action="store_true",
         help="leave out and count clouds that cannot be read; default: such a cloud is an error",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--follow",
         action="store_true",
         help="wait for clouds in the folder DATA, which grows, and print a JSON line of tracks for "
         "each; frames are dropped while the machine is too slow",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--period-s",
         type=float,
         help="frame period of --follow, if files are named by frame number, not by time",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--idle-s",
         type=float,
         default=float("inf"),
         help="--follow ends after so many seconds without a new cloud; default: never",
-    )
-    parser.add_argument(
-        "--device",
-        default="cpu",
-        help="device of a network: cpu, cuda, cuda:1, ...; default: cpu",
-    )
-    parser.add_argument(
+    ),
+    argument(
+        "--device", default="cpu", help="device of a network: cpu, cuda, cuda:1, ...; default: cpu"
+    ),
+    argument(
         "--threads",
         type=int,
         help="number of threads per frame, used by detectors centerpoint-pillar on a CPU, such as "
         "the pretrained detector; default: one per core, at most 4",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--allow-transfer",
         action="store_true",
         help="do not warn if the detector was trained on another LiDAR, preset or scene",
-    )
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> int:

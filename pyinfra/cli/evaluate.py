@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import get_args
 
 from pyinfra.cli.messages import with_options
+from pyinfra.cli.parser import argument, group, one_of, usage
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import OBJECT_CLASSES, SUBSETS, VEHICLE_TYPES
 from pyinfra.dataset.frames import frame_range
@@ -17,29 +18,23 @@ from pyinfra.metrics.matching import CENTRE_M, PERSON_IOU, Metric
 from pyinfra.metrics.settings import PROTOCOLS, Settings
 
 METRICS: tuple[Metric, ...] = get_args(Metric)
+DEFAULT = Settings()
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Computes the average precision of predictions, by distance and area, with 95 % intervals."
-    )
-    parser.epilog = (
-        "example: pyinfra evaluate data/highway/livox_avia runs/pillars/predictions "
-        "--out out/evaluation"
-    )
-    parser.add_argument(
-        "gt", metavar="DATA", type=Path, help="folder of one LiDAR with labels, KITTI layout"
-    )
-    parser.add_argument(
+add_arguments = usage(
+    "Computes the average precision of predictions, by distance and area, with 95 % intervals.",
+    "example: pyinfra evaluate data/highway/livox_avia runs/pillars/predictions "
+    "--out out/evaluation",
+    argument("gt", metavar="DATA", type=Path, help="folder of one LiDAR with labels, KITTI layout"),
+    argument(
         "pred",
         metavar="PRED",
         type=Path,
         help="folder of predictions, one file per frame: NNNNNN.txt (KITTI results) or NNNNNN.csv "
         "(class,x,y,z,dx,dy,dz,heading,score in the LiDAR frame)",
-    )
-    parser.add_argument("--out", type=Path, required=True, help="folder for tables and figures")
-    default = Settings()
-    parser.add_argument(
+    ),
+    argument("--out", type=Path, required=True, help="folder for tables and figures"),
+    argument(
         "--ground-truth",
         nargs="+",
         choices=SUBSETS,
@@ -47,8 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "common: visible vehicles in the field of view of every LiDAR of the data set; all: "
         "vehicles visible from the mount; present: all vehicles, visible or not (to compare "
         "mounts). Default: captured all, or captured if the folder has no objects",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--class",
         dest="classes",
         nargs="+",
@@ -56,59 +51,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="classes to evaluate, each with its KITTI types; the types may be left out for "
         "vehicle, pedestrian and cyclist; "
         f"default: vehicle={','.join(VEHICLE_TYPES)}",
-    )
-    add_measures(parser, default)
-    parser.add_argument(
-        "--min-score",
-        type=float,
-        default=default.min_score,
-        help=f"minimum score of a predicted box, from 0 to 1; default: {default.min_score:g}",
-    )
-    parser.add_argument(
-        "--min-points",
-        type=int,
-        default=default.min_points,
-        help=f"minimum number of points of a captured vehicle; default: {default.min_points}",
-    )
-    parser.add_argument(
-        "--min-objects",
-        type=int,
-        default=default.min_objects,
-        help=f"an area with fewer objects gets no quality level; default: {default.min_objects}",
-    )
-    parser.add_argument(
-        "--cut-first",
-        action="store_true",
-        help="also compute the AP of each window after boxes outside it are removed; slow",
-    )
-    add_bootstrap(parser, default)
-    frames = parser.add_mutually_exclusive_group()
-    frames.add_argument(
-        "--split",
-        help="which frames: the name of a list in ImageSets, such as val, or all; default: val if "
-        "it exists, else all",
-    )
-    frames.add_argument(
-        "--frames", metavar="A:B[:STEP]", help="frame numbers from A to B, without B"
-    )
-    parser.add_argument(
-        "--allow-missing",
-        action="store_true",
-        help="treat a missing prediction file as a frame without boxes",
-    )
-    parser.add_argument("--no-figures", action="store_true", help="write the tables only")
-
-
-def add_measures(parser: argparse.ArgumentParser, default: Settings) -> None:
-    parser.add_argument(
+    ),
+    argument(
         "--iou",
         dest="ious",
         type=float,
         nargs="+",
-        help=f"IoU thresholds; default: {default.ious[0]:g}, "
+        help=f"IoU thresholds; default: {DEFAULT.ious[0]:g}, "
         f"for pedestrians and cyclists {PERSON_IOU:g}",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--metric",
         dest="metrics",
         nargs="+",
@@ -116,39 +68,76 @@ def add_measures(parser: argparse.ArgumentParser, default: Settings) -> None:
         help="how boxes are matched. bev: by IoU of footprints; 3d: by IoU of volumes; centre: by "
         f"centres at most {CENTRE_M:g} m apart. Default: bev for vehicles, bev and centre for "
         "pedestrians and cyclists",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--protocol",
         dest="protocols",
         nargs="+",
         choices=PROTOCOLS,
-        default=default.protocols,
+        default=DEFAULT.protocols,
         help="how AP is computed. definition: AP (R1000), and in ap.csv also AP (R40); r11: AP at "
         "11 recalls; kitti: AP at 40 recalls with the sampling of the KITTI devkit, for IoU above "
         "the threshold. Default: definition",
-    )
-
-
-def add_bootstrap(parser: argparse.ArgumentParser, default: Settings) -> None:
-    bootstrap = parser.add_argument_group("bootstrap of the intervals")
-    bootstrap.add_argument(
-        "--replicates",
-        type=int,
-        default=default.replicates,
-        help=f"number of bootstrap replicates, 1 or more; default: {default.replicates}",
-    )
-    bootstrap.add_argument(
-        "--block-s",
+    ),
+    argument(
+        "--min-score",
         type=float,
-        help="length of a bootstrap block, in seconds; default: the time that a vehicle stays in "
-        "the region",
-    )
-    bootstrap.add_argument(
-        "--seed",
+        default=DEFAULT.min_score,
+        help=f"minimum score of a predicted box, from 0 to 1; default: {DEFAULT.min_score:g}",
+    ),
+    argument(
+        "--min-points",
         type=int,
-        default=default.seed,
-        help=f"seed of the bootstrap; default: {default.seed}",
-    )
+        default=DEFAULT.min_points,
+        help=f"minimum number of points of a captured vehicle; default: {DEFAULT.min_points}",
+    ),
+    argument(
+        "--min-objects",
+        type=int,
+        default=DEFAULT.min_objects,
+        help=f"an area with fewer objects gets no quality level; default: {DEFAULT.min_objects}",
+    ),
+    argument(
+        "--cut-first",
+        action="store_true",
+        help="also compute the AP of each window after boxes outside it are removed; slow",
+    ),
+    group(
+        "bootstrap of the intervals",
+        argument(
+            "--replicates",
+            type=int,
+            default=DEFAULT.replicates,
+            help=f"number of bootstrap replicates, 1 or more; default: {DEFAULT.replicates}",
+        ),
+        argument(
+            "--block-s",
+            type=float,
+            help="length of a bootstrap block, in seconds; default: the time that a vehicle stays "
+            "in the region",
+        ),
+        argument(
+            "--seed",
+            type=int,
+            default=DEFAULT.seed,
+            help=f"seed of the bootstrap; default: {DEFAULT.seed}",
+        ),
+    ),
+    one_of(
+        argument(
+            "--split",
+            help="which frames: the name of a list in ImageSets, such as val, or all; default: val "
+            "if it exists, else all",
+        ),
+        argument("--frames", metavar="A:B[:STEP]", help="frame numbers from A to B, without B"),
+    ),
+    argument(
+        "--allow-missing",
+        action="store_true",
+        help="treat a missing prediction file as a frame without boxes",
+    ),
+    argument("--no-figures", action="store_true", help="write the tables only"),
+)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -8,6 +8,7 @@ from typing import get_args
 from pyinfra.cli.arguments import arguments_of
 from pyinfra.cli.messages import printed_findings, with_options
 from pyinfra.cli.number_option import usd
+from pyinfra.cli.parser import argument, usage
 from pyinfra.conversion import import_recording
 from pyinfra.core.errors import Error
 from pyinfra.dataset.frames import frame_numbers, lidar_folder
@@ -20,141 +21,139 @@ from pyinfra.exchange.rates import summary
 from pyinfra.exchange.unread import listed
 from pyinfra.formats.box_csv import NAMES, parse_columns
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Imports your own recording, or frames of another tool, as a data set."
-    parser.epilog = (
-        "example: pyinfra import recordings/junction --out data/junction/pole_1 "
-        "--period-s 0.1 --price-usd 1500 1500"
-    )
-    parser.add_argument(
+add_arguments = usage(
+    "Imports your own recording, or frames of another tool, as a data set.",
+    "example: pyinfra import recordings/junction --out data/junction/pole_1 "
+    "--period-s 0.1 --price-usd 1500 1500",
+    argument(
         "source",
         type=Path,
         help="folder or file of the recording, or `sample` for the recording of the package",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--from",
         dest="format",
         choices=IMPORTS,
         help="format of the recording; default: guessed from the names of its files",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--out",
         type=Path,
         required=True,
         help="new folder for the frames, DATA/LIDAR: a data set's folder and a LiDAR's name. With "
         "a single name DATA, the LiDAR's name is `lidar`",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--scene-name", dest="scene", help="name of the site; default: the name of the folder DATA"
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--lidar-model", dest="model", help="model of the LiDAR; default: the name of its folder"
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--price-usd",
         type=usd,
         nargs=2,
         metavar=("LOW", "HIGH"),
         help="lowest and highest price of the LiDAR in US dollars; default: no price",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--period-s",
         type=float,
         help="duration of a frame in seconds; default: as recorded, else 0.1",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--height-m",
         type=float,
         help="approximate height of the sensor above the road, in metres; default: estimated from "
         "the points or the labelled vehicles",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--tilt-deg",
         type=float,
         nargs=2,
         metavar=("PITCH", "ROLL"),
         help="tilt of the sensor in degrees, where positive pitch looks down; points and boxes "
         "are levelled by this tilt",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--upright",
         choices=get_args(Upright),
         default="auto",
         help="how points are levelled. road: by a plane that is fitted to the road; as-is: points "
         "are not levelled; auto: as road, unless the points should be level because of their "
         "format or because they have labels. Default: auto",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--region",
         type=Path,
         metavar="FILE",
         help="YAML file with the outline of the area where vehicles can be, "
         "`outline_m: [[x, y], ...]`; it is copied to the frames",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--type",
         dest="types",
         nargs="+",
         default=[],
         metavar="NAME=TYPE",
         help="class names of the source and the object types that they map to, such as Lkw=Truck",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--label-folder",
         dest="labels",
         type=Path,
         help="folder of labels, or a .csv file with a column of frames; default: by the format",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--label-columns",
         nargs="+",
         default=[],
         metavar="KEY=COLUMN",
         help="columns of .csv labels, such as x=cx yaw_deg=angle; plain names are recognised. "
         f"Keys: {', '.join(NAMES)}",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--intensity-max",
         type=float,
         help="highest intensity of the source; default: 1, 255, 4095 or 65535, by the format "
         "or the values",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--unit-m",
         type=float,
         default=1.0,
         help="unit of the coordinates in metres; default: 1, or 0.001 if the coordinates appear "
         "to be millimetres",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--point-values",
         dest="columns",
         type=int,
         help="number of float32 values of a point in .bin files; default: 5 for nuscenes, else "
         "detected",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--boxes-of",
         type=Path,
         metavar="DATA/LIDAR",
         help="SOURCE is a .csv file with boxes of a detector for these frames; --out is then a new "
         "or empty folder for predictions, which `evaluate`, `view` and `track` read",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--skip-bad",
         action="store_true",
         help="leave out and count frames that cannot be read; default: such a frame is an error",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--strict",
         action="store_true",
         help="objects that cannot be read are errors; default: they are left out and counted",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--channel",
         help="which LiDAR of the recording, topic of a bag, or sequence of KITTI tracking",
-    )
+    ),
+)
 
 
 def _import_boxes(args: argparse.Namespace) -> int:

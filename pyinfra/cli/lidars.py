@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from pyinfra.cli.parser import argument, usage
 from pyinfra.core.errors import Error
 from pyinfra.core.names import file_or_name
 from pyinfra.core.vocabulary import PRESETS
@@ -25,36 +26,33 @@ LETTERS: dict[str, str] = {name: name[0] for name in PRESETS}
 LEGEND = ", ".join(f"{letter} {name}" for name, letter in LETTERS.items())
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Lists LiDARs, one row each: number of lines, width and height of the field of view, "
-        "maximum range and range to a target of 10 % reflectance (metres), price in US dollars "
-        "with its source, and presets."
-    )
-    parser.epilog = "example: pyinfra lidars ruby_plus mine.yaml"
-    parser.add_argument(
+add_arguments = usage(
+    "Lists LiDARs, one row each: number of lines, width and height of the field of view, "
+    "maximum range and range to a target of 10 % reflectance (metres), price in US dollars "
+    "with its source, and presets.",
+    "example: pyinfra lidars ruby_plus mine.yaml",
+    argument(
         "lidars",
         nargs="*",
         metavar="LIDAR",
         help="names from the package, or LiDAR files; default: all LiDARs of the package",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--preset",
         default="",
         help="preset for which numbers are shown; default: the first of datasheet, equal and "
         "paper that a LiDAR has",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--from-table",
         type=Path,
         metavar="FILE",
         help="convert a maker's table of beams to a LiDAR file: Ouster's metadata (.json), "
         "Velodyne's calibration (.yaml, .xml), angles of Hesai and RoboSense, rays of Livox (.csv)",
-    )
-    parser.add_argument(
-        "--out", type=Path, metavar="LIDAR.yaml", help="new LiDAR file for --from-table"
-    )
-    parser.add_argument("--json", action="store_true", help="print JSON with named values")
+    ),
+    argument("--out", type=Path, metavar="LIDAR.yaml", help="new LiDAR file for --from-table"),
+    argument("--json", action="store_true", help="print JSON with named values"),
+)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,8 +1,8 @@
 """The `pyinfra` command: one subcommand for each row of COMMANDS.
 
-Each subcommand is a module with two functions. `add_arguments(parser)` adds the options and an
-example as epilog. `run(args)` calls the library, prints the result and returns the exit code.
-Messages go to stderr.
+Each subcommand is a module with two functions. `add_arguments(parser)`, made by `usage`, adds the
+options and an example as epilog. `run(args)` calls the library, prints the result and returns the
+exit code. Messages go to stderr.
 
 `main` turns an exception into one line on stderr and an exit code:
 

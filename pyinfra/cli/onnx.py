@@ -3,18 +3,17 @@
 import argparse
 from pathlib import Path
 
+from pyinfra.cli.parser import argument, usage
 from pyinfra.folders import export_onnx
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Exports a dense detector, from points to boxes, as one ONNX file that includes the "
-        "suppression of overlapping boxes. z of points and boxes is the height above the road, "
-        "and scores are not calibrated."
-    )
-    parser.epilog = "example: pyinfra onnx runs/pillars --out pillars.onnx"
-    parser.add_argument("model", metavar="RUN", type=Path, help="output folder of `pyinfra train`")
-    parser.add_argument("--out", type=Path, required=True, help=".onnx file to write")
+add_arguments = usage(
+    "Exports a dense detector, from points to boxes, as one ONNX file that includes the "
+    "suppression of overlapping boxes. z of points and boxes is the height above the road, "
+    "and scores are not calibrated.",
+    "example: pyinfra onnx runs/pillars --out pillars.onnx",
+    argument("model", metavar="RUN", type=Path, help="output folder of `pyinfra train`"),
+    argument("--out", type=Path, required=True, help=".onnx file to write"),
+)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -1,12 +1,16 @@
-"""The parser of `pyinfra`: one-line messages that suggest names, and renamed options."""
+"""The parser of `pyinfra`: one-line messages that suggest names, and renamed options.
+
+A command has its arguments as data: `add_arguments = usage(description, example, argument(...))`.
+"""
 
 import argparse
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NoReturn
 
 from pyinfra.core.names import suggestion
 
+Add = Callable[[Any], object]  # adds an argument, or a group of arguments, to a parser
 WRONG = 2
 MOST_LISTED = 8  # largest number of choices in a message that also suggests a choice
 
@@ -120,3 +124,33 @@ def near(word: str, names: Sequence[str]) -> str:
     """Returns a text such as `; did you mean '--out'?`, or an empty text if no name is similar."""
     text = suggestion(word, names)
     return text if "did you mean" in text else ""
+
+
+def usage(description: str | None, epilog: str, *arguments: Add) -> Add:
+    """Returns a function that adds a description, an example and arguments to a parser."""
+
+    def add(parser: Any) -> None:
+        parser.description, parser.epilog = description, epilog
+        _add_all(parser, arguments)
+
+    return add
+
+
+def argument(*names: str, **keywords: Any) -> Add:
+    """Returns a function that adds an argument. names, keywords: those of `add_argument`."""
+    return lambda parser: parser.add_argument(*names, **keywords)
+
+
+def group(title: str, *arguments: Add) -> Add:
+    """Returns a function that adds arguments below a title of their own."""
+    return lambda parser: _add_all(parser.add_argument_group(title), arguments)
+
+
+def one_of(*arguments: Add) -> Add:
+    """Returns a function that adds arguments of which a command line may have only one."""
+    return lambda parser: _add_all(parser.add_mutually_exclusive_group(), arguments)
+
+
+def _add_all(parser: Any, arguments: tuple[Add, ...]) -> None:
+    for add in arguments:
+        add(parser)

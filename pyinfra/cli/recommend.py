@@ -5,38 +5,36 @@ from pathlib import Path
 
 from pyinfra.cli.messages import with_options
 from pyinfra.cli.number_option import usd
+from pyinfra.cli.parser import argument, usage
 from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments.options import read_options
 from pyinfra.experiments.recommend import answer_lines, recommend
 from pyinfra.experiments.requirements import Requirements, checked_requirements, place_of
 from pyinfra.metrics.row_selection import COUNTED
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Ranks the LiDARs and detectors of a benchmark that meet your requirements, by the AP of "
-        "all vehicles in the region. Brackets after an AP contain its 95 % interval. Brackets "
-        "after metres of road contain the metres for the low end and for the high end of the AP "
-        "of each window."
-    )
-    parser.epilog = "example: pyinfra recommend results --scene highway --budget 8000 --min-ap 85"
-    parser.add_argument("results", type=Path, help="output folder of `pyinfra benchmark`")
-    parser.add_argument(
+add_arguments = usage(
+    "Ranks the LiDARs and detectors of a benchmark that meet your requirements, by the AP of "
+    "all vehicles in the region. Brackets after an AP contain its 95 % interval. Brackets "
+    "after metres of road contain the metres for the low end and for the high end of the AP "
+    "of each window.",
+    "example: pyinfra recommend results --scene highway --budget 8000 --min-ap 85",
+    argument("results", type=Path, help="output folder of `pyinfra benchmark`"),
+    argument(
         "--budget",
         dest="budget_usd",
         type=usd,
         metavar="USD",
         required=True,
         help="highest price of LiDAR and site, in US dollars",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--min-ap",
         type=float,
         default=Requirements.min_ap,
         help="minimum AP of all vehicles, 0 to 100; a road is covered where the AP exceeds this; "
         f"default: {Requirements.min_ap:g}",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--range",
         dest="range_m",
         type=float,
@@ -45,24 +43,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "vehicles and roads within it; it is measured along the road or, at a site from a map, "
         "from the sensor; with 100, AP and recall are those of the whole region; "
         f"default: {Requirements.range_m:g}",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--latency",
         dest="latency_ms",
         type=float,
         help="maximum median time per frame, in milliseconds; "
         "default: the frame period of the LiDAR, 100 at 10 frames per second",
-    )
-    parser.add_argument("--scene", default="", help="scene; required if several were measured")
-    parser.add_argument(
+    ),
+    argument("--scene", default="", help="scene; required if several were measured"),
+    argument(
         "--preset",
         default="",
         help="preset of the LiDARs; default: the first of datasheet, equal and paper that has "
         "results of two LiDARs or more, as in the report",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--tier", choices=TIERS, default="quick", help="tier of the benchmark; default: quick"
-    )
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> int:

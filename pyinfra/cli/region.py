@@ -5,25 +5,24 @@ import warnings
 from pathlib import Path
 
 from pyinfra.cli.messages import warn
+from pyinfra.cli.parser import argument, usage
 from pyinfra.dataset.frames import lidar_folder
 from pyinfra.folders import propose_region
 from pyinfra.models.inference.region_proposal import LEAST_S
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Proposes an outline of the area where vehicles drive, from a recording of "
-        f"{LEAST_S:g} s or more without labels."
-    )
-    parser.epilog = "example: pyinfra region data/street/pole --out outline.yaml"
-    parser.add_argument("data", type=Path, help="folder of one LiDAR that does not move")
-    parser.add_argument(
+add_arguments = usage(
+    "Proposes an outline of the area where vehicles drive, from a recording of "
+    f"{LEAST_S:g} s or more without labels.",
+    "example: pyinfra region data/street/pole --out outline.yaml",
+    argument("data", type=Path, help="folder of one LiDAR that does not move"),
+    argument(
         "--out",
         type=Path,
         required=True,
         help="YAML file to write, `outline_m: [[x, y], ...]` in metres, or several `outlines_m` "
         "and `holes_m`, for --region of the commands `import` and `detect`",
-    )
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> int:

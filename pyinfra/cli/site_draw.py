@@ -3,19 +3,21 @@
 import argparse
 from pathlib import Path
 
+from pyinfra.cli.parser import argument, usage
 from pyinfra.core.errors import Error
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.epilog = "example: pyinfra site draw sites/town --out plan.svg"
-    parser.add_argument("site", type=Path, help="folder of the site")
-    parser.add_argument("--out", type=Path, required=True, help=".svg, .png or .pdf file")
-    parser.add_argument(
+add_arguments = usage(
+    None,
+    "example: pyinfra site draw sites/town --out plan.svg",
+    argument("site", type=Path, help="folder of the site"),
+    argument("--out", type=Path, required=True, help=".svg, .png or .pdf file"),
+    argument(
         "--radius",
         dest="radius_m",
         type=float,
         help="maximum distance of drawn objects from the pole, in metres; default: no limit",
-    )
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> int:

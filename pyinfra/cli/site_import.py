@@ -5,45 +5,50 @@ from pathlib import Path
 
 from pyinfra.cli.arguments import arguments_of
 from pyinfra.cli.number_option import numbers
+from pyinfra.cli.parser import argument, usage
 from pyinfra.conversion import import_map
 from pyinfra.formats.yaml_file import read_keys
 from pyinfra.scenes.maps.compass import looks_to
 from pyinfra.scenes.maps.map_readers import RADIUS_M
 from pyinfra.scenes.maps.site_folder import MAP, yaws
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.epilog = "example: pyinfra site import town.xodr --out sites/town --radius 400"
-    kinds = ".xodr, .osm, .osm.xml or .net.xml; also packed, .gz or .bz2; or .osm.pbf"
-    parser.add_argument("file", type=Path, help=kinds)
-    parser.add_argument("--out", type=Path, required=True, help="folder of the site")
-    parser.add_argument(
+add_arguments = usage(
+    None,
+    "example: pyinfra site import town.xodr --out sites/town --radius 400",
+    argument(
+        "file",
+        type=Path,
+        help=".xodr, .osm, .osm.xml or .net.xml; also packed, .gz or .bz2; or .osm.pbf",
+    ),
+    argument("--out", type=Path, required=True, help="folder of the site"),
+    argument(
         "--centre",
         type=numbers("X,Y"),
         metavar="X,Y",
         help="centre of the site in map coordinates; for OSM longitude,latitude",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--radius",
         dest="radius_m",
         type=float,
         default=RADIUS_M,
         help=f"radius around the centre to import, in metres; default: {RADIUS_M:g}",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--mount-pose",
         dest="mount",
         type=numbers("X,Y,Z,YAW"),
         metavar="X,Y,Z,YAW",
         help="position of the sensor in the site, in metres, and its yaw in degrees; "
         "default: chosen from the map",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--traffic-side",
         choices=("left", "right"),
         help="side of the road on which vehicles drive, for OSM; default: as in the map's "
         "roundabouts, else right",
-    )
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -5,36 +5,38 @@ from pathlib import Path
 
 from pyinfra.cli.arguments import arguments_of
 from pyinfra.cli.number_option import numbers
+from pyinfra.cli.parser import argument, usage
 from pyinfra.formats.ply import read_ply
 from pyinfra.scenes.maps.mesh_import import MATERIALS
 from pyinfra.sites import import_mesh
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Adds the triangles of a file (.obj, .glb, .gltf, .stl, .ply, CityJSON) to the meshes of a "
-        "site."
-    )
-    parser.epilog = "example: pyinfra site mesh station.glb --out sites/corner --offset 20,35,0"
-    parser.add_argument("file", type=Path, metavar="FILE", help="3-D model")
-    add = parser.add_argument
-    add("--out", dest="site", type=Path, required=True, metavar="SITE", help="folder of the site")
-    add("--material", choices=MATERIALS, default="structure", help="material; default: structure")
-    add(
+add_arguments = usage(
+    "Adds the triangles of a file (.obj, .glb, .gltf, .stl, .ply, CityJSON) to the meshes of a "
+    "site.",
+    "example: pyinfra site mesh station.glb --out sites/corner --offset 20,35,0",
+    argument("file", type=Path, metavar="FILE", help="3-D model"),
+    argument(
+        "--out", dest="site", type=Path, required=True, metavar="SITE", help="folder of the site"
+    ),
+    argument(
+        "--material", choices=MATERIALS, default="structure", help="material; default: structure"
+    ),
+    argument(
         "--up",
         choices=("y", "z"),
         default="",
         help="upward axis of the file; default: y for glTF, else z",
-    )
-    add("--scale", type=float, default=1.0, help="unit of the file in metres; default: 1")
-    add(
+    ),
+    argument("--scale", type=float, default=1.0, help="unit of the file in metres; default: 1"),
+    argument(
         "--offset",
         dest="offset_m",
         type=numbers("X,Y,Z"),
         default=(0.0, 0.0, 0.0),
         metavar="X,Y,Z",
         help="shift in metres, applied after scale and rotation; default: 0,0,0",
-    )
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> int:

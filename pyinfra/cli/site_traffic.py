@@ -3,36 +3,35 @@
 import argparse
 from pathlib import Path
 
+from pyinfra.cli.parser import argument, usage
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Simulates traffic on SITE/map.net.xml with SUMO, including signals and right of way, and "
-        "writes SITE/trajectories.csv. Boxes move as vehicles with two axles do. Sets duration_s "
-        "of the scene to the length of the trajectories."
-    )
-    parser.epilog = "example: pyinfra site traffic sites/corner --vehicles-per-hour 1200"
-    parser.add_argument("site", type=Path, metavar="SITE", help="folder of the site")
-    add = parser.add_argument
-    add(
+add_arguments = usage(
+    "Simulates traffic on SITE/map.net.xml with SUMO, including signals and right of way, and "
+    "writes SITE/trajectories.csv. Boxes move as vehicles with two axles do. Sets duration_s "
+    "of the scene to the length of the trajectories.",
+    "example: pyinfra site traffic sites/corner --vehicles-per-hour 1200",
+    argument("site", type=Path, metavar="SITE", help="folder of the site"),
+    argument(
         "--vehicles-per-hour",
         type=float,
         default=1000,
         help="vehicles that enter the region in an hour; default: 1000",
-    )
-    add(
+    ),
+    argument(
         "--pedestrians-per-hour",
         type=float,
         default=0,
         help="pedestrians that enter the region in an hour; default: 0",
-    )
-    add(
+    ),
+    argument(
         "--bicycles-per-hour",
         type=float,
         default=0,
         help="cyclists that enter the region in an hour; default: 0",
-    )
-    add("--seconds", type=float, default=500, help="length of the trajectories; default: 500")
-    add("--seed", type=int, default=1, help="seed of the traffic; default: 1")
+    ),
+    argument("--seconds", type=float, default=500, help="length of the trajectories; default: 500"),
+    argument("--seed", type=int, default=1, help="seed of the traffic; default: 1"),
+)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -3,54 +3,7 @@
 import argparse
 from pathlib import Path
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Imports trajectories as the traffic of a site. FILE is SUMO's floating car data (.xml, "
-        ".gz), a .csv file of boxes, or a LiDAR's folder with labels. Trajectories are resampled "
-        "to 10 Hz, gaps of up to 1 s are filled, and jumps are smoothed. Boxes without ids are "
-        "linked to tracks. Floating car data in longitude and latitude are projected like the "
-        "map of the site. Sets duration_s of the scene to the length of the trajectories."
-    )
-    parser.epilog = (
-        "example: pyinfra site trajectories tracks.csv --columns x=center_x,y=center_y "
-        "--rate-hz 25 --degrees --out sites/corner"
-    )
-    parser.add_argument(
-        "file",
-        type=Path,
-        metavar="FILE",
-        help=".csv, .xml or .gz file of trajectories, or a LiDAR's folder with labels",
-    )
-    add = parser.add_argument
-    add("--out", type=Path, required=True, metavar="SITE", help="folder of the site")
-    add(
-        "--columns",
-        type=_pairs,
-        default={},
-        metavar="x=NAME,...",
-        help="column names in the CSV file, such as x=center_x; default: x, y, z, heading, dx, dy, "
-        "dz, class, t or frame, and id",
-    )
-    add(
-        "--class-of",
-        type=_classes,
-        default={},
-        metavar="NAME=Car,...",
-        help="class for each class name in the file; =Car applies to objects without a class name; "
-        "default: the same name",
-    )
-    add(
-        "--rate-hz",
-        type=float,
-        help="frames per second; time is then computed from the column `frame` of the CSV file",
-    )
-    add(
-        "--world",
-        action="store_true",
-        help="positions are in the site's frame; default: in the coordinates of the site's map",
-    )
-    add("--degrees", action="store_true", help="headings of the CSV file are in degrees")
+from pyinfra.cli.parser import argument, usage
 
 
 def run(args: argparse.Namespace) -> int:
@@ -92,3 +45,48 @@ def _pairs(text: str) -> dict[str, str]:
     if any(len(pair) != 2 or not all(pair) for pair in pairs):
         raise argparse.ArgumentTypeError(f"expected NAME=OTHER,.., got '{text[:60]}'.")
     return {pair[0]: pair[1] for pair in pairs}
+
+
+add_arguments = usage(
+    "Imports trajectories as the traffic of a site. FILE is SUMO's floating car data (.xml, "
+    ".gz), a .csv file of boxes, or a LiDAR's folder with labels. Trajectories are resampled "
+    "to 10 Hz, gaps of up to 1 s are filled, and jumps are smoothed. Boxes without ids are "
+    "linked to tracks. Floating car data in longitude and latitude are projected like the "
+    "map of the site. Sets duration_s of the scene to the length of the trajectories.",
+    "example: pyinfra site trajectories tracks.csv --columns x=center_x,y=center_y "
+    "--rate-hz 25 --degrees --out sites/corner",
+    argument(
+        "file",
+        type=Path,
+        metavar="FILE",
+        help=".csv, .xml or .gz file of trajectories, or a LiDAR's folder with labels",
+    ),
+    argument("--out", type=Path, required=True, metavar="SITE", help="folder of the site"),
+    argument(
+        "--columns",
+        type=_pairs,
+        default={},
+        metavar="x=NAME,...",
+        help="column names in the CSV file, such as x=center_x; default: x, y, z, heading, dx, dy, "
+        "dz, class, t or frame, and id",
+    ),
+    argument(
+        "--class-of",
+        type=_classes,
+        default={},
+        metavar="NAME=Car,...",
+        help="class for each class name in the file; =Car applies to objects without a class name; "
+        "default: the same name",
+    ),
+    argument(
+        "--rate-hz",
+        type=float,
+        help="frames per second; time is then computed from the column `frame` of the CSV file",
+    ),
+    argument(
+        "--world",
+        action="store_true",
+        help="positions are in the site's frame; default: in the coordinates of the site's map",
+    ),
+    argument("--degrees", action="store_true", help="headings of the CSV file are in degrees"),
+)

@@ -4,24 +4,20 @@ import argparse
 from pathlib import Path
 
 from pyinfra.cli.messages import note
+from pyinfra.cli.parser import argument, usage
 from pyinfra.sites import make_sites
 from pyinfra.viz.site_sheet import MOST_ON_A_SHEET, SHEET
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Generates random sites, writes each as a scene file, and draws a sheet of their plans. "
-        "`pyinfra train --sites` trains on such sites."
-    )
-    parser.epilog = "example: pyinfra sites --seed 0 --count 24 --out out/sites"
-    parser.add_argument("--seed", type=int, default=0, help="seed of the first site; default: 0")
-    parser.add_argument(
-        "--count",
-        type=int,
-        default=24,
-        help="number of sites; each has the next seed; default: 24",
-    )
-    parser.add_argument("--out", type=Path, required=True, help="folder for the files")
+add_arguments = usage(
+    "Generates random sites, writes each as a scene file, and draws a sheet of their plans. "
+    "`pyinfra train --sites` trains on such sites.",
+    "example: pyinfra sites --seed 0 --count 24 --out out/sites",
+    argument("--seed", type=int, default=0, help="seed of the first site; default: 0"),
+    argument(
+        "--count", type=int, default=24, help="number of sites; each has the next seed; default: 24"
+    ),
+    argument("--out", type=Path, required=True, help="folder for the files"),
+)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -4,30 +4,29 @@ import argparse
 import sys
 from pathlib import Path
 
+from pyinfra.cli.parser import argument, usage
 from pyinfra.folders import statistics
 from pyinfra.models.ops.kernels import kernels
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Computes scanning statistics of data sets, such as points per vehicle, and writes tables "
-        "and figures."
-    )
-    parser.epilog = "example: pyinfra statistics data/highway data/curve --out out/statistics"
-    parser.add_argument("data", nargs="+", type=Path, help="data sets written by `infrasim run`")
-    parser.add_argument("--out", type=Path, required=True, help="folder for tables and figures")
-    parser.add_argument(
+add_arguments = usage(
+    "Computes scanning statistics of data sets, such as points per vehicle, and writes tables "
+    "and figures.",
+    "example: pyinfra statistics data/highway data/curve --out out/statistics",
+    argument("data", nargs="+", type=Path, help="data sets written by `infrasim run`"),
+    argument("--out", type=Path, required=True, help="folder for tables and figures"),
+    argument(
         "--above-road",
         action="store_true",
         help="leave out points below road level; needs frames of `infrasim run --fields`",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--accumulate",
         type=int,
         default=1,
         metavar="N",
         help="merge the points of N consecutive frames into one frame; default: 1",
-    )
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> int:

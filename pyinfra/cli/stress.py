@@ -11,27 +11,23 @@ from pathlib import Path
 from tqdm import tqdm
 
 from pyinfra.cli.messages import message_of, note
+from pyinfra.cli.parser import argument, usage
 from pyinfra.experiments.stress import runner, trials
 from pyinfra.experiments.stress.stressors import STRESSORS
 from pyinfra.viz import stress_plots
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Tests detectors under stressors of growing severity. A stressor changes the point clouds, "
-        "the simulated scene or LiDAR, or the training. Rows go to stress.csv. Existing rows are "
-        "not computed again, and several processes can share the work. Stressors that do not "
-        "apply to the data are left out with a note. If a trial fails, its name and error are "
-        "printed and the exit status is 1."
-    )
-    parser.epilog = (
-        "example: pyinfra stress data/highway/ruby_plus --model runs/background runs/pillars "
-        "--out out/stress --stressors rain tilt"
-    )
-    parser.add_argument(
+add_arguments = usage(
+    "Tests detectors under stressors of growing severity. A stressor changes the point clouds, "
+    "the simulated scene or LiDAR, or the training. Rows go to stress.csv. Existing rows are "
+    "not computed again, and several processes can share the work. Stressors that do not "
+    "apply to the data are left out with a note. If a trial fails, its name and error are "
+    "printed and the exit status is 1.",
+    "example: pyinfra stress data/highway/ruby_plus --model runs/background runs/pillars "
+    "--out out/stress --stressors rain tilt",
+    argument(
         "data", metavar="DATA", type=Path, help="folder of one LiDAR; its val frames are used"
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--model",
         dest="runs",
         nargs="+",
@@ -41,35 +37,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="output folders of `pyinfra train` for this LiDAR. If there are several runs of one "
         "detector, only the first is stressed. The other runs, with fewer training frames or "
         "another seed, are compared with the first",
-    )
-    parser.add_argument("--out", type=Path, required=True, help="folder for tables and figures")
-    parser.add_argument(
+    ),
+    argument("--out", type=Path, required=True, help="folder for tables and figures"),
+    argument(
         "--stressors",
         nargs="+",
         metavar="NAME",
         default=list(STRESSORS),
         help=f"names of stressors; default: all, which are {', '.join(STRESSORS)}",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--severities",
         nargs="+",
         help="severities to test, in the unit of the stressor; only with one stressor; default: "
         "those defined for the stressor",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--max-frames",
         dest="frames",
         type=int,
         default=runner.FRAMES,
         metavar="N",
         help="maximum number of frames, evenly distributed; default: 60",
-    )
-    parser.add_argument(
-        "--seed", type=int, default=1, help="seed of the random changes; default: 1"
-    )
-    parser.add_argument(
+    ),
+    argument("--seed", type=int, default=1, help="seed of the random changes; default: 1"),
+    argument(
         "--dry-run", action="store_true", help="only list the trials and estimate their run time"
-    )
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> int:

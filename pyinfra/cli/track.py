@@ -8,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.cli.messages import warn
+from pyinfra.cli.parser import argument, usage
 from pyinfra.conversion import TRACK_FILES, export_tracks
 from pyinfra.core.errors import Error
 from pyinfra.dataset.frame_sequence import RecordedFrames
@@ -19,66 +20,81 @@ from pyinfra.tracking.live import boxes_of_line, live_lines, new_lines
 from pyinfra.tracking.tracker import Tracker, TrackSettings
 from pyinfra.tracking.tracks import track
 
+DEFAULT = TrackSettings()
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Joins the boxes of a fixed LiDAR's frames into tracks: identity, speed, acceleration and "
-        "covariance of each object in each frame."
-    )
-    parser.epilog = "example: pyinfra track data/minute/ruby_plus --out out/tracks.csv"
-    parser.add_argument(
+
+add_arguments = usage(
+    "Joins the boxes of a fixed LiDAR's frames into tracks: identity, speed, acceleration and "
+    "covariance of each object in each frame.",
+    "example: pyinfra track data/minute/ruby_plus --out out/tracks.csv",
+    argument(
         "data",
         metavar="DATA",
         type=Path,
         help="folder of one LiDAR; or -, to read a JSON line per frame from standard input and "
         'print one: {"t_s": 1.5, "boxes": [{"type": "vehicle", "x": ..., "score": 0.9}]}',
-    )
-    parser.add_argument(
+    ),
+    argument(
         "pred",
         metavar="PRED",
         type=Path,
         nargs="?",
         help="folder of predictions, as for `pyinfra evaluate`; default: run the detector",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--out",
         type=Path,
         help=f"file to write: {', '.join(f'{end} ({what})' for end, what in TRACK_FILES.items())}",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--model", default="generalist", help="detector to run without PRED; default: generalist"
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--frames", metavar="A:B[:STEP]", help="frame numbers from A to B, without B; default: all"
-    )
-    default = TrackSettings()
-    for name, meaning in (
-        ("min_score", "minimum score of a box that is used, 0 to 1"),
-        ("birth_score", "minimum score of a box that may begin a track, 0 to 1"),
-        ("missed_s", "seconds without a box after which a track in view ends"),
-        ("hidden_s", "the same for a track that is hidden or stands"),
-    ):
-        value = getattr(default, name)
-        option = f"--{name.replace('_', '-')}"
-        parser.add_argument(
-            option, type=float, default=value, help=f"{meaning}; default: {value:g}"
-        )
-    parser.add_argument(
+    ),
+    argument(
+        "--min-score",
+        type=float,
+        default=DEFAULT.min_score,
+        help=f"minimum score of a box that is used, 0 to 1; default: {DEFAULT.min_score:g}",
+    ),
+    argument(
+        "--birth-score",
+        type=float,
+        default=DEFAULT.birth_score,
+        help="minimum score of a box that may begin a track, 0 to 1; "
+        f"default: {DEFAULT.birth_score:g}",
+    ),
+    argument(
+        "--missed-s",
+        type=float,
+        default=DEFAULT.missed_s,
+        help="seconds without a box after which a track in view ends; "
+        f"default: {DEFAULT.missed_s:g}",
+    ),
+    argument(
+        "--hidden-s",
+        type=float,
+        default=DEFAULT.hidden_s,
+        help=f"the same for a track that is hidden or stands; default: {DEFAULT.hidden_s:g}",
+    ),
+    argument(
         "--live",
         action="store_true",
         help="use only the boxes up to each frame, as a running system would",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--keep-all",
         action="store_true",
         help="for -: read each line; by default, lines are dropped while the machine is too slow",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--within-m",
         type=float,
         default=80.0,
         help="largest distance of vehicles that the printed measures count; default: 80",
-    )
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import get_args
 
 from pyinfra.cli.messages import note, warn
+from pyinfra.cli.parser import argument, usage
 from pyinfra.core.errors import Error
 from pyinfra.core.names import file_or_name
 from pyinfra.core.vocabulary import TIERS
@@ -18,75 +19,68 @@ from pyinfra.models.training.recipe import Precision, Recipe, read_recipe
 from pyinfra.models.training.sources import Source, Stream, read_source, simulated_source
 from pyinfra.models.training.train import OF_NETWORKS, train
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Trains a detector on frames. Run the same command again to resume."
-    parser.epilog = (
-        "example: pyinfra train pointpillars data/highway/ruby_plus --tier quick --out runs/pillars"
-    )
-    parser.add_argument(
+add_arguments = usage(
+    "Trains a detector on frames. Run the same command again to resume.",
+    "example: pyinfra train pointpillars data/highway/ruby_plus --tier quick --out runs/pillars",
+    argument(
         "config",
         metavar="CONFIG",
         help="a detector's name, such as background or pointpillars, or a file as in "
         "configs/detectors",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "data",
         metavar="DATA",
         nargs="*",
         type=Path,
         help="folders of LiDARs whose training frames are used; or use --scene or --sites",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--scene",
         help="scene, a file or a name; its frames are simulated during training (instead of DATA)",
-    )
-    parser.add_argument("--lidar", help="LiDAR, a file or a name; required with --scene")
-    parser.add_argument(
+    ),
+    argument("--lidar", help="LiDAR, a file or a name; required with --scene"),
+    argument(
         "--mount", default="", help="name of the mount; required if --scene has several mounts"
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--sites",
         metavar="FILE",
         help="stream, a name or a file as in configs/streams; random sites are simulated during "
         "training (instead of DATA)",
-    )
-    parser.add_argument(
-        "--preset", default="datasheet", help="preset of --lidar; default: datasheet"
-    )
-    parser.add_argument(
+    ),
+    argument("--preset", default="datasheet", help="preset of --lidar; default: datasheet"),
+    argument(
         "--region",
         type=Path,
         metavar="FILE",
         help="YAML file with the outline of the area where vehicles can be, "
         "`outline_m: [[x, y], ...]`; only for the detector background; default: the roads of the "
         "data set",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--start",
         type=Path,
         metavar="RUN",
         help="training folder, model file or name of a pretrained detector whose weights are the "
         "initial weights; default: `start` of the config",
-    )
-    parser.add_argument(
-        "--tier", choices=TIERS, default="quick", help="size of the training; default: quick"
-    )
-    parser.add_argument(
+    ),
+    argument("--tier", choices=TIERS, default="quick", help="size of the training; default: quick"),
+    argument(
         "--accumulate",
         type=int,
         default=1,
         metavar="N",
         help="merge N consecutive frames into one cloud; networks only; default: 1",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--label-at",
         choices=get_args(LabelAt),
         default="newest",
         help="merged frame to which the labels belong; default: newest",
-    )
-    parser.add_argument("--out", type=Path, required=True, help="folder for the trained detector")
-    parser.add_argument(
+    ),
+    argument("--out", type=Path, required=True, help="folder for the trained detector"),
+    argument(
         "--seed",
         type=int,
         default=OF_NETWORKS["seed"],
@@ -94,26 +88,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             "seed of the initial weights, the sample order and the augmentation; default: "
             f"{OF_NETWORKS['seed']}"
         ),
-    )
-    parser.add_argument(
-        "--device",
-        default=OF_NETWORKS["device"],
-        help="cpu, cuda, cuda:1, ...; default: cpu",
-    )
-    parser.add_argument(
+    ),
+    argument(
+        "--device", default=OF_NETWORKS["device"], help="cpu, cuda, cuda:1, ...; default: cpu"
+    ),
+    argument(
         "--precision",
         choices=get_args(Precision),
         default=OF_NETWORKS["precision"],
         help="number format of the network's layers; default: float32",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--step-factor",
         dest="budget",
         type=float,
         default=OF_NETWORKS["budget"],
         help="number of steps as a multiple of the tier's steps; the learning rate schedule is "
         "scaled to the same length; default: 1",
-    )
+    ),
+)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -4,40 +4,33 @@ import argparse
 from pathlib import Path
 
 from pyinfra.cli.messages import warn, with_options
+from pyinfra.cli.parser import argument, usage
 from pyinfra.core.errors import Error
 from pyinfra.core.files import write
 from pyinfra.dataset.frames import has_labels, lidar_folder
 from pyinfra.folders import trust, validate
 from pyinfra.formats.csv_table import number_text
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Checks the frames of a data set and predictions for them, and reports common causes of "
-        "an AP of 0."
-    )
-    parser.epilog = (
-        "example: pyinfra validate data/highway/livox_avia --pred runs/pillars/predictions"
-    )
-    parser.add_argument(
-        "data", type=Path, help="folder of one LiDAR; without --pred also a data set"
-    )
-    parser.add_argument("--pred", type=Path, help="folder of predictions, NNNNNN.txt or NNNNNN.csv")
-    parser.add_argument(
+add_arguments = usage(
+    "Checks the frames of a data set and predictions for them, and reports common causes of "
+    "an AP of 0.",
+    "example: pyinfra validate data/highway/livox_avia --pred runs/pillars/predictions",
+    argument("data", type=Path, help="folder of one LiDAR; without --pred also a data set"),
+    argument("--pred", type=Path, help="folder of predictions, NNNNNN.txt or NNNNNN.csv"),
+    argument(
         "--split",
         help="which frames must have predictions: the name of a list in ImageSets, such as val, or "
         "all; default: val if it exists, else all",
-    )
-    parser.add_argument(
-        "--allow-missing", action="store_true", help="allow frames without a prediction file"
-    )
-    parser.add_argument(
+    ),
+    argument("--allow-missing", action="store_true", help="allow frames without a prediction file"),
+    argument(
         "--unlabelled",
         action="store_true",
         help="estimate without labels how reliable the predictions are; this is the default if "
         "the frames have no labels",
-    )
-    parser.add_argument("--out", type=Path, help="folder for trust.csv, the table of --unlabelled")
+    ),
+    argument("--out", type=Path, help="folder for trust.csv, the table of --unlabelled"),
+)
 
 
 def run(args: argparse.Namespace) -> int:

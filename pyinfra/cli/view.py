@@ -4,56 +4,56 @@ import argparse
 from pathlib import Path
 
 from pyinfra.cli.number_option import one_frame
+from pyinfra.cli.parser import argument, one_of, usage
 from pyinfra.viz.viewer.views import write_view
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.description = (
-        "Writes an interactive 3-D view of one or more frames as one HTML file that needs no "
-        "internet connection. It can show several LiDARs of the same data set."
-    )
-    parser.epilog = "example: pyinfra view data/highway --frames 0:50:5 --out out/view.html"
-    parser.add_argument(
+add_arguments = usage(
+    "Writes an interactive 3-D view of one or more frames as one HTML file that needs no "
+    "internet connection. It can show several LiDARs of the same data set.",
+    "example: pyinfra view data/highway --frames 0:50:5 --out out/view.html",
+    argument(
         "data",
         nargs="+",
         type=Path,
         help="data set written by `infrasim run`, or folder of one LiDAR",
-    )
-    parser.add_argument("--lidar", nargs="+", metavar="NAME", help="show only these LiDARs")
-    frames = parser.add_mutually_exclusive_group()
-    frames.add_argument(
-        "--frame",
-        type=one_frame,
-        help="number of the frame; default: the first frame, or with --pred the first frame that "
-        "has predictions",
-    )
-    frames.add_argument(
-        "--frames",
-        metavar="A:B[:STEP]",
-        help="frame numbers from A to B, without B; missing frames are skipped",
-    )
-    parser.add_argument(
+    ),
+    argument("--lidar", nargs="+", metavar="NAME", help="show only these LiDARs"),
+    one_of(
+        argument(
+            "--frame",
+            type=one_frame,
+            help="number of the frame; default: the first frame, or with --pred the first frame "
+            "that has predictions",
+        ),
+        argument(
+            "--frames",
+            metavar="A:B[:STEP]",
+            help="frame numbers from A to B, without B; missing frames are skipped",
+        ),
+    ),
+    argument(
         "--pred",
         nargs="+",
         default=[],
         metavar="DIR",
         help="folder of predictions, NNNNNN.txt or NNNNNN.csv, or a tracks.csv; if there are "
         "several LiDARs, LIDAR=DIR for each",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--max-points",
         dest="most_points",
         type=int,
         metavar="N",
         help="maximum number of points per frame; larger frames are thinned, as the page states",
-    )
-    parser.add_argument(
+    ),
+    argument(
         "--rerun",
         action="store_true",
         help="write a recording (.rrd) for Rerun instead and open it (needs the extra `rerun`); "
         "Rerun sends usage data to its makers unless you run `rerun analytics disable`",
-    )
-    parser.add_argument("--out", type=Path, required=True, help="file to write, .html or .rrd")
+    ),
+    argument("--out", type=Path, required=True, help="file to write, .html or .rrd"),
+)
 
 
 def run(args: argparse.Namespace) -> int:
