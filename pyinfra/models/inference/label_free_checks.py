@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.arrays import IntArray
 from pyinfra.core.boxes import points_in_boxes
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import PERSON_TYPES
@@ -14,7 +14,7 @@ from pyinfra.dataset.frame_tables import Predictions
 from pyinfra.dataset.frames import PERIOD_S, frame_numbers
 from pyinfra.dataset.ground import ground_of
 from pyinfra.dataset.health import folder_health
-from pyinfra.dataset.regions import Region, region_of
+from pyinfra.dataset.regions import region_of
 from pyinfra.formats import kitti
 from pyinfra.metrics.label_free_quality import BoxSeries, Trust, refusal, trust
 from pyinfra.metrics.prediction_checks import find_files
@@ -70,7 +70,7 @@ def trust_of(
         period_s,
         detections,
         moving,
-        _off(region, predictions.boxes),
+        None if region is None else ~region.holds(predictions.boxes, OFF_M),
         clusters,
         faulty=faulty,
     )
@@ -92,7 +92,3 @@ def _second_opinion(
         boxes.append(clusters.boxes[keep])
         scores.append(clusters.scores[keep])
     return moving, BoxSeries(np.concatenate(numbers), np.concatenate(boxes), np.concatenate(scores))
-
-
-def _off(region: Region | None, boxes: FloatArray) -> BoolArray | None:
-    return None if region is None else ~region.holds(boxes, OFF_M)

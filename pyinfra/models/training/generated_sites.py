@@ -182,7 +182,7 @@ def world_of(
     rejected.
     """
     for times in range(TRIES):
-        keys = make_keys(resampled(seed, times))
+        keys = make_keys(seed + times * RESAMPLED)
         if label_time is not None:
             keys["label_time"] = label_time
         try:
@@ -192,14 +192,6 @@ def world_of(
         except simulation.ConfigError as error:
             refused = error
     raise refused
-
-
-def resampled(seed: int, times: int) -> int:
-    """Returns the seed of the n-th replacement for a site that the simulator rejects.
-
-    times: n. If n is 0, the result is the seed itself.
-    """
-    return seed + times * RESAMPLED
 
 
 def samples_of(

@@ -56,7 +56,8 @@ def netconvert(source: Path, arguments: Sequence[str], out: Path) -> list[str]:
         raise MapError(f"{source}: netconvert of SUMO failed: {error}{advice}") from error
     if not out.exists():
         raise MapError(f"{source}: netconvert of SUMO wrote no network")
-    write(out, without_comments(out.read_text(encoding="utf-8")))
+    # Comments have the date, and paths of this machine.
+    write(out, re.sub(r"<!--.*?-->\s*", "", out.read_text(encoding="utf-8"), flags=re.DOTALL))
     return warnings
 
 
@@ -75,8 +76,3 @@ def _run(words: Sequence[str]) -> list[str]:
                 warnings = run_tool("netconvert", fewer, longest_s=LONGEST_S)
                 return [f"netconvert crashed with {option} and ran without it", *warnings]
         raise
-
-
-def without_comments(text: str) -> str:
-    """Returns a network without comments. They have the date, and paths of this machine."""
-    return re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
