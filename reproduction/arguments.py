@@ -2,7 +2,8 @@
 
 A parameter before `*` is a positional argument, and one after it is an option. The annotation gives
 the type: a sequence takes one or more words, and a boolean is a flag. The entry below `Parameters`
-is the help. `Annotated` adds keywords of argparse, such as `{"choices": LIDARS}`.
+is the help. `Annotated` adds keywords of argparse, such as `{"choices": LIDARS}`. The text above
+`Parameters` describes the command, by default the text of its module.
 """
 
 import argparse
@@ -17,9 +18,11 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from reproduction import add_out, work_folder
 
+EXAMPLE = re.compile(r"\n\n(?=examples?: )")
 ENTRY = re.compile(r"^([\w, ]+) : (.*(?:\n +.*)*)", re.MULTILINE)
 Work = Annotated[Path, {"type": work_folder}]  # a folder for frames
-Out = Annotated[Path, {}]  # an output file in out/, or out/ itself if the default is Path()
+# An output file in out/, or out/ itself if the default is Path(). `recorded`: as in `add_out`.
+Out = Annotated[Path, {"recorded": ""}]
 
 
 def command(main: Callable[..., int | None]) -> Callable[[], int | None]:
@@ -33,15 +36,19 @@ def command(main: Callable[..., int | None]) -> Callable[[], int | None]:
 
 
 def _parser_of(main: Callable[..., int | None]) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(description=sys.modules[main.__module__].__doc__)
-    helps = dict(ENTRY.findall(inspect.getdoc(main) or ""))
+    text, _, entries = f"\n{inspect.getdoc(main) or ''}".partition("\nParameters\n")
+    description, *example = EXAMPLE.split(
+        text.strip() or sys.modules[main.__module__].__doc__ or ""
+    )
+    parser = argparse.ArgumentParser(description=description, epilog="".join(example))
+    helps = dict(ENTRY.findall(entries))
     hints = get_type_hints(main, include_extras=True)
     for name, parameter in inspect.signature(main).parameters.items():
-        if hints[name] == Out:
-            add_out(parser, parameter.default.name)
-            continue
         option = parameter.kind is parameter.KEYWORD_ONLY
         keywords = _keywords(hints[name])
+        if "recorded" in keywords:
+            add_out(parser, parameter.default.name, recorded=keywords["recorded"])
+            continue
         if name in helps:
             keywords["help"] = " ".join(helps[name].split())
         if parameter.default is not parameter.empty:

@@ -1,6 +1,5 @@
 """Tests the paper's claims on data sets or on the tables of `pyinfra benchmark`."""
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,30 +9,33 @@ from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.experiments import store
 from pyinfra.experiments.result_tables import read_results
-from reproduction import add_out
+from reproduction.arguments import Out, command
 from reproduction.claims import detection, scanning
 from reproduction.claims.agreement import paper_table
 
 SHOWN = "claim preset value low high verdict statement".split()
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description="Tests the paper's claims. Data sets test the claims about scanning; each data "
-        "set has one preset. A folder of results tests the claims about detection. In that case "
-        "the command writes TIER_claims.csv and TIER_paper.csv (agreement of AP with the paper) "
-        "into the folder.",
-        epilog="examples: python -m reproduction claims data/highway_paper "
-        "data/highway_paper_instant; python -m reproduction claims out/results",
-    )
-    parser.add_argument("folders", nargs="+", type=Path, help="data sets, or one folder of results")
-    parser.add_argument("--tier", help="tier of the results; default: the most complete one")
-    add_out(parser, "scanning_claims.csv")
-    args = parser.parse_args()
-    if any((folder / "dataset.yaml").is_file() for folder in args.folders):
-        table = of_data_sets(args.folders, args.out)
-    elif len(args.folders) == 1:
-        table = of_results(args.folders[0], args.tier)
+@command
+def main(
+    folders: Sequence[Path], *, tier: str | None = None, out: Out = Path("scanning_claims.csv")
+) -> None:
+    """Tests the paper's claims. Data sets test the claims about scanning; each data set has one
+    preset. A folder of results tests the claims about detection. In that case the command writes
+    TIER_claims.csv and TIER_paper.csv (agreement of AP with the paper) into the folder.
+
+    examples: python -m reproduction claims data/highway_paper data/highway_paper_instant; python
+    -m reproduction claims out/results
+
+    Parameters
+    ----------
+    folders : data sets, or one folder of results
+    tier : tier of the results; default: the most complete one
+    """
+    if any((folder / "dataset.yaml").is_file() for folder in folders):
+        table = of_data_sets(folders, out)
+    elif len(folders) == 1:
+        table = of_results(folders[0], tier)
     else:
         raise Error("folders: expected data sets or one folder of results, got several")
     print(table[SHOWN].to_string(index=False, float_format=lambda v: f"{v:.3g}", max_colwidth=90))

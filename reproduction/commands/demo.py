@@ -1,6 +1,5 @@
 """Rebuilds the paper's table of hit points, and simulates and draws frames of each scene."""
 
-import argparse
 import sys
 import tempfile
 import time
@@ -14,6 +13,7 @@ from pyinfra.dataset.runs import SimulatorError, infrasim
 from pyinfra.formats import kitti
 from pyinfra.viz import clouds
 from pyinfra.viz.pattern_picture import draw_patterns
+from reproduction.arguments import command
 from reproduction.hit_points import PRESET, hit_table, table_text, write_table
 
 # part of the simulator's error message for a folder that was written with another configuration
@@ -21,37 +21,39 @@ ANOTHER_RUN = "holds another run"
 PATTERN_FRAMES = "0:20"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description="Rebuilds the paper's table of hit points, simulates a few frames of each "
-        "scene and makes pictures of them.",
-        epilog="example: python -m reproduction demo --out out/demo --frames 0:3",
-    )
-    parser.add_argument(
-        "--out", type=Path, default=Path("out/demo"), help="output folder (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--frames",
-        default="0:3",
-        help=(
-            "frames to write, from A to B without B, A:B[:STEP]; the pictures show the first "
-            "frame (default: %(default)s)"
-        ),
-    )
-    args = parser.parse_args()
+@command
+def main(*, out: Path = Path("out/demo"), frames: str = "0:3") -> None:
+    """Rebuilds the paper's table of hit points, simulates a few frames of each scene and makes
+    pictures of them.
+
+    example: python -m reproduction demo --out out/demo --frames 0:3
+
+    Parameters
+    ----------
+    out : output folder (default: %(default)s)
+    frames : frames to write, from A to B without B, A:B[:STEP]; the pictures show the first
+        frame (default: %(default)s)
+    """
     start = time.perf_counter()
 
     def progress(step: str) -> None:
         print(f"[{time.perf_counter() - start:5.1f} s] {step}", file=sys.stderr, flush=True)
 
-    out: Path = args.out
     lidars = [lidar_file(name) for name in LIDARS]
     scenes = [scene_file(name) for name in SCENES]
     data = [out / "data" / name for name in SCENES]
     for scene, folder in zip(scenes, data, strict=True):
-        progress(f"frames {args.frames} of {scene.stem}")
+        progress(f"frames {frames} of {scene.stem}")
         try:
-            words = ["--preset", PRESET, "--frames", args.frames, "--out", folder, "--fields"]
+            words: list[str | Path] = [
+                "--preset",
+                PRESET,
+                "--frames",
+                frames,
+                "--out",
+                folder,
+                "--fields",
+            ]
             infrasim("run", scene, "--lidar", *lidars, *words)
         except SimulatorError as error:
             if ANOTHER_RUN not in str(error):
@@ -64,8 +66,8 @@ def main() -> None:
 
     progress("pictures")
     data_sets = [[folder / lidar for lidar in LIDARS] for folder in data]
-    frame = int(args.frames.split(":")[0])
-    pictures = clouds.draw_frames(data_sets, frame, out / "pictures")
+    first = int(frames.split(":")[0])
+    pictures = clouds.draw_frames(data_sets, first, out / "pictures")
     patterns = {
         kitti.read_lidar(folder).model: scan_pattern(lidar_file(folder.name))
         for folder in data_sets[0]

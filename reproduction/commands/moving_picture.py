@@ -5,10 +5,11 @@ Each point lights up at the time at which its ray is fired, and fades. Boxes are
     python -m reproduction moving_picture --out docs/pictures/junction.webp
 """
 
-import argparse
 import itertools
 import math
 from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from matplotlib import font_manager
@@ -18,7 +19,7 @@ import pyinfra as pi
 from pyinfra.core.arrays import FloatArray
 from pyinfra.dataset.lidars import LidarSheet, read_catalogue
 from pyinfra.dataset.object_rows import BOX
-from reproduction import add_out
+from reproduction.arguments import command
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -41,18 +42,19 @@ CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
 Camera = Callable[[FloatArray], FloatArray]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_out(parser, "junction.webp", recorded="docs/pictures/junction.webp")
-    args = parser.parse_args()
+@command
+def main(
+    *,
+    out: Annotated[Path, {"recorded": "docs/pictures/junction.webp"}] = Path("junction.webp"),
+) -> None:
     halves = [pictures(sheet.name, title) for sheet, title in titles()]
     both = [Image.fromarray(np.concatenate(pair, axis=1)) for pair in zip(*halves, strict=True)]
     each_ms = round(1000 * SECONDS / len(both))
     both[0].save(
-        args.out, save_all=True, append_images=both[1:], duration=each_ms, loop=0,
+        out, save_all=True, append_images=both[1:], duration=each_ms, loop=0,
         quality=QUALITY, method=6,
     )  # fmt: skip
-    print(f"{args.out}: {len(both)} pictures, {args.out.stat().st_size / 1e6:.2f} MB")
+    print(f"{out}: {len(both)} pictures, {out.stat().st_size / 1e6:.2f} MB")
 
 
 def titles() -> list[tuple[LidarSheet, str]]:
@@ -145,7 +147,3 @@ def finished(canvas: np.ndarray, boxes: FloatArray, camera: Camera, title: str) 
     font = ImageFont.truetype(font_manager.findfont("DejaVu Sans"), 18 * DRAWN)
     pen.text((12 * DRAWN, 10 * DRAWN), title, fill=(255, 255, 255), font=font)
     return np.asarray(picture.resize(SIZE, Image.Resampling.LANCZOS))
-
-
-if __name__ == "__main__":
-    main()

@@ -3,13 +3,14 @@
 Numbers keep every digit. `*draws.csv` becomes `*replicates.csv`.
 """
 
-import argparse
 import csv
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from pyinfra.core.files import replacing
 from pyinfra.formats.csv_table import read_words
+from reproduction.arguments import command
 
 OPTIONS = {  # replaced option names in the column `command`
     r"--dials\b": "--severities",
@@ -33,8 +34,12 @@ def rewrite(file: Path) -> Path:
     return current
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("files", nargs="+", type=Path, help="CSV files")
-    for file in parser.parse_args().files:
+@command
+def main(files: Sequence[Path]) -> None:
+    """
+    Parameters
+    ----------
+    files : CSV files
+    """
+    for file in files:
         print(rewrite(file))

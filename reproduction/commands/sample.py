@@ -1,7 +1,8 @@
 """Writes the sample recording of the package: clouds of a simulated LiDAR, as a driver would."""
 
-import argparse
 from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -10,7 +11,8 @@ import pyinfra as pi
 from pyinfra.core.arrays import Points, Records
 from pyinfra.exchange.imports import SAMPLE
 from pyinfra.formats.pcd_file import write_pcd
-from reproduction import ROOT, add_out
+from reproduction import ROOT
+from reproduction.arguments import command
 
 FRAMES = range(100, 200, 5)  # 20 clouds over 10 s
 ACROSS_M = 19.0  # points farther from the road's axis are left out, as a region filter does
@@ -19,14 +21,13 @@ FIRST = datetime(2026, 5, 4, 8, 30, tzinfo=UTC)  # time of frame 0
 FIELDS = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "u1")]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description="Simulates 20 clouds of a LiDAR on the highway, in the frame of a tilted "
-        "sensor, and writes them as .pcd files without labels.",
-        epilog="example: python -m reproduction sample --out out/sample",
-    )
-    add_out(parser, recorded=str(SAMPLE.relative_to(ROOT)))
-    out = parser.parse_args().out
+@command
+def main(*, out: Annotated[Path, {"recorded": str(SAMPLE.relative_to(ROOT))}] = Path()) -> None:
+    """Simulates 20 clouds of a LiDAR on the highway, in the frame of a tilted sensor, and writes
+    them as .pcd files without labels.
+
+    example: python -m reproduction sample --out out/sample
+    """
     frames = pi.simulate("highway", "helios_16", FRAMES)
     out.mkdir(parents=True, exist_ok=True)
     for frame in frames:
@@ -45,7 +46,3 @@ def records_of(points: Points) -> Records:
         out[name] = column
     out["intensity"] = np.rint(255 * near[:, 3])
     return out
-
-
-if __name__ == "__main__":
-    main()

@@ -7,9 +7,7 @@ nothing and fails if a table or text in a page differs from the result of its fu
 figures of the pages of results are drawn again if their rows have changed.
 """
 
-import argparse
 import re
-import sys
 import textwrap
 from collections.abc import Callable
 from functools import partial
@@ -17,6 +15,7 @@ from pathlib import Path
 
 from pyinfra.core.errors import Error
 from reproduction import ROOT
+from reproduction.arguments import command
 from reproduction.tables import (
     catalogue,
     figures,
@@ -185,12 +184,14 @@ def rewritten(page: Path) -> str:
     return BLOCK.sub(block, page.read_text(encoding="utf-8"))
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description="Writes the documentation's tables from results/.")
-    parser.add_argument(
-        "--check", action="store_true", help="write nothing; fail if a table or text is not current"
-    )
-    check = parser.parse_args().check
+@command
+def main(*, check: bool = False) -> int:
+    """Writes the documentation's tables from results/.
+
+    Parameters
+    ----------
+    check : write nothing; fail if a table or text is not current
+    """
     stale = [page for page in PAGES if rewritten(page) != page.read_text(encoding="utf-8")]
     for page in stale:
         print(f"{page.relative_to(ROOT)}: {'differs from results/' if check else 'written'}")
@@ -203,7 +204,3 @@ def main() -> int:
         if not check:
             figures.write(name, PICTURES)
     return 1 if check and (stale or old) else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
