@@ -16,7 +16,6 @@ CHEAPER = "fails, as a cheaper LiDAR reaches it"
 DEPENDS = "depends on the detector"
 ONE = "judged by one detector"
 FAILS = "fails"
-DECIDED = (HOLDS, FAILS_ABOVE, FAILS_BELOW, CHEAPER)
 FAR_FROM_LEVEL = {FAILS_BELOW, CHEAPER}  # both say that the claim `value` fails
 CASE = ["claim", "scene", "preset", "label_time", "subset", "law_exponent"]
 
