@@ -1,7 +1,7 @@
 """`pyinfra plan SITE --budget 9000 --find 0.9 --within 60 --out DIR`."""
 
 import argparse
-import math
+from inspect import signature
 from pathlib import Path
 
 from pyinfra.cli.messages import note, with_options
@@ -10,7 +10,7 @@ from pyinfra.cli.parser import argument, usage
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.experiments.planner.candidates import PoseGrid
 from pyinfra.experiments.planner.plan import plan
-from pyinfra.experiments.planner.request import Request
+from pyinfra.experiments.planner.request import Effort, Request
 from pyinfra.viz.plan_page.page import write_plan_page
 
 add_arguments = usage(
@@ -56,7 +56,7 @@ add_arguments = usage(
     argument(
         "--false-per-minute",
         type=float,
-        default=math.inf,
+        default=Request.false_per_minute,
         help="maximum number of false boxes per minute, which sets the minimum score; default: no "
         "maximum, and a minimum score of 0.5",
     ),
@@ -145,7 +145,7 @@ add_arguments = usage(
     argument(
         "--check-frames",
         type=int,
-        default=30,
+        default=Effort.check_frames,
         help="number of frames in which the best options are simulated in full; 0: no simulation; "
         "default: 30",
     ),
@@ -163,7 +163,7 @@ add_arguments = usage(
         help="also simulate 30 s of option 1 without gaps, track its vehicles and count their "
         "passages; the answer says whether this share of the passages is counted, 0 to 1",
     ),
-    argument("--jobs", type=int, default=1, help="number of threads; default: 1"),
+    argument("--jobs", type=int, default=Effort.jobs, help="number of threads; default: 1"),
 )
 
 
@@ -173,33 +173,10 @@ def run(args: argparse.Namespace) -> int:
         heights_m=tuple(args.heights_m),
         pitches_deg=tuple(args.pitches_deg),
     )
-    result = plan(
-        args.scene,
-        args.budget_usd,
-        find=args.find,
-        within_m=args.within_m,
-        false_per_minute=args.false_per_minute,
-        poles=args.poles,
-        lidars_per_pole=args.lidars_per_pole,
-        lidars=args.lidars,
-        detector=args.detector,
-        poses=args.poses,
-        grid=grid,
-        people=args.people,
-        areas=args.areas,
-        centre_m=None if args.centre_m is None else tuple(args.centre_m),
-        costs=args.costs,
-        years=args.years,
-        preset=args.preset,
-        seed=args.seed,
-        frames=args.frames,
-        check_frames=args.check_frames,
-        what_if=args.what_if,
-        count=args.count,
-        out=args.out,
-        jobs=args.jobs,
-        progress=lambda line: note(line, args),
-    )
+    asked = {
+        name: value for name, value in vars(args).items() if name in signature(plan).parameters
+    }
+    result = plan(**asked, grid=grid, progress=lambda line: note(line, args))
     note(f"page: {write_plan_page(result, args.out)}", args)
     for line in result.answer.lines:
         print(with_options(line, args.options))

@@ -1,6 +1,8 @@
-"""Names used by several packages: presets, tiers, object classes, ground-truth subsets."""
+"""Names used by several packages: presets, tiers, object classes, ground-truth subsets; km/h."""
 
 from typing import Literal, get_args
+
+KM_H = 3.6  # km/h in 1 m/s
 
 # Presets, that is, settings of a catalogue LiDAR. `datasheet` is closest to the real product.
 Preset = Literal["paper", "equal", "datasheet"]

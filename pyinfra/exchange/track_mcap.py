@@ -15,6 +15,7 @@ from mcap_ros2.writer import Writer
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.files import replacing
+from pyinfra.core.vocabulary import KM_H
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.exchange.ros_definitions import (
     DEFINITIONS,
@@ -30,7 +31,6 @@ from pyinfra.exchange.series import nanoseconds
 DETECTIONS, MARKERS = "vision_msgs/msg/Detection3DArray", "visualization_msgs/msg/MarkerArray"
 COLOUR = {"r": 0.0, "g": 0.62, "b": 0.45, "a": 0.5}
 TEXT, TEXT_M, WHITE = 9, 1.0, {"r": 1.0, "g": 1.0, "b": 1.0, "a": 1.0}  # Marker.type; height
-KM_H = 3.6
 
 
 def write_mcap(file: Path, tracks: pd.DataFrame, lidar: str) -> None:

@@ -12,6 +12,7 @@ import pandas as pd
 
 from pyinfra.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from pyinfra.core.errors import Error
+from pyinfra.core.vocabulary import KM_H
 from pyinfra.metrics.intervals import Blocks, Estimate, ratio
 from pyinfra.metrics.observations import Observations, moving, same_rows
 
@@ -223,7 +224,7 @@ def speed_distribution(
     ids, speed: (n,) samples of vehicles, m/s. Columns: from_km_h, to_km_h, samples,
     share_percent, vehicles (with a sample in the bin).
     """
-    km_h = 3.6 * speed
+    km_h = KM_H * speed
     ends = np.append(edges_km_h, np.inf)
     rows = []
     for low, high in itertools.pairwise(ends):

@@ -14,6 +14,7 @@ from pyinfra.core.files import replacing
 from pyinfra.core.names import path_of
 from pyinfra.core.present import Presented
 from pyinfra.core.public import public
+from pyinfra.core.vocabulary import KM_H
 from pyinfra.tracking.lines import AnyLines, Line, lines_of
 from pyinfra.tracking.movements import movements
 from pyinfra.tracking.passages import passages
@@ -120,7 +121,7 @@ def flows(passed: pd.DataFrame, first: float, last: float, interval_s: float) ->
     """Returns counts, speeds, headways and occupancy by interval, line, direction, lane, type."""
     keys = ["start_s", "line", "direction", "lane", "type"]
     table = in_intervals(passed, first, interval_s)
-    speed = table.speed_km_h / 3.6
+    speed = table.speed_km_h / KM_H
     table = table.assign(over_s=table.length_m / np.maximum(speed, 0.5))
     groups = table.groupby(keys, sort=True)
     out = groups.agg(

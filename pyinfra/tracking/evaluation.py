@@ -13,7 +13,7 @@ from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.errors import Error
 from pyinfra.core.present import Presented
 from pyinfra.core.public import public
-from pyinfra.core.vocabulary import VEHICLE_TYPES
+from pyinfra.core.vocabulary import KM_H, VEHICLE_TYPES
 from pyinfra.dataset.frame_sequence import FrameSequence
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.tracking.hota import ZERO_M, Hota, Sightings, clear, distances, hota
@@ -143,7 +143,7 @@ def compare_with(
     false = false_tracks(tracks[judged].id.to_numpy(), of_none[judged])
     matched = tracks[judged].iloc[mot.pairs[:, 1]]
     true_speed = truth[counts].speed_m_s.to_numpy()[mot.pairs[:, 0]]
-    speed_error = 3.6 * np.abs(matched.speed_m_s.to_numpy() - true_speed)
+    speed_error = KM_H * np.abs(matched.speed_m_s.to_numpy() - true_speed)
     speed_error = speed_error[np.isfinite(speed_error)]
     hidden = ~of_none & (truth.visibility.to_numpy()[to_object] < VISIBLE) & near
     hidden &= (truth.visibility.to_numpy()[to_object] >= 0) & (tracks.state != "seen").to_numpy()

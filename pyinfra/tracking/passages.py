@@ -7,6 +7,7 @@ import pandas as pd
 from scipy.cluster.hierarchy import fcluster, linkage
 
 from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.core.vocabulary import KM_H
 from pyinfra.tracking.lines import Line
 
 COLUMNS = [
@@ -44,7 +45,7 @@ def passages(tracks: pd.DataFrame, lines: Sequence[Line]) -> pd.DataFrame:
     if not parts:
         return pd.DataFrame(columns=COLUMNS)
     table = pd.concat(parts).sort_values(["t_s", "id"], ignore_index=True)
-    table["speed_km_h"] = 3.6 * table.pop("speed_m_s")
+    table["speed_km_h"] = KM_H * table.pop("speed_m_s")
     table["lane"] = 0
     for _, part in table.groupby(["line", "sign"]):
         table.loc[part.index, "lane"] = _lanes(part.offset_m.to_numpy(), int(part["sign"].iloc[0]))
@@ -89,6 +90,6 @@ def with_headways(table: pd.DataFrame) -> pd.DataFrame:
     """Adds the time to the vehicle before in the lane: front to front, and without its length."""
     lane = table.groupby(["line", "sign", "lane"], sort=False)
     headway = lane.t_s.diff()
-    passing_s = table.length_m / np.maximum(table.speed_km_h / 3.6, 0.5)
+    passing_s = table.length_m / np.maximum(table.speed_km_h / KM_H, 0.5)
     before = passing_s.groupby([table.line, table["sign"], table.lane]).shift(1)
     return table.assign(headway_s=headway, gap_s=np.maximum(headway - before, 0))

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
+from pyinfra.core.vocabulary import KM_H
 from pyinfra.dataset import simulation
 from reproduction import RECORDED, ROOT, provenance
 from reproduction.arguments import Out, command
@@ -179,7 +180,7 @@ def aggregation_picture(file: Path, number: int = 300) -> None:
         )
         axis.set(title=f"{mode}: {car['points']} points, {car['points_in_box']} in the box")
         axis.set(aspect="equal", ylabel="y (m)")
-    axes[-1].set_xlabel(f"x (m); {car['speed'] * 3.6:.0f} km/h at {car['distance']:.0f} m")
+    axes[-1].set_xlabel(f"x (m); {car['speed'] * KM_H:.0f} km/h at {car['distance']:.0f} m")
     file.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(file, dpi=90)
 

@@ -109,7 +109,7 @@ def scene_file_of(seed: int, work: Path) -> Path:
 
 def poses_of(site: PlanSite, count: int) -> FloatArray:
     """Returns the scene's pose, then random candidate poses within WITHIN_M: (count, 5)."""
-    mount = site.mount_keys
+    mount = site.keys["mounts"][site.mount]
     scene_pose = [mount["x_m"], mount["y_m"], mount["z_m"], mount["yaw_deg"], mount["pitch_deg"]]
     grid = PoseGrid(every_m=8.0, heights_m=(4.0, 5.0, 6.0, 7.0, 8.0, 10.0))
     made = feasible(with_faults(make_candidates(site, WITHIN_M, grid), site), site)

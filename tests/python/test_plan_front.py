@@ -8,11 +8,10 @@ import pandas as pd
 import pytest
 
 from pyinfra.experiments.planner import detectability as laws
-from pyinfra.experiments.planner.areas import Area
 from pyinfra.experiments.planner.choice import Choice, Units
 from pyinfra.experiments.planner.costs import open_lidars, read_costs
 from pyinfra.experiments.planner.front import front_options
-from pyinfra.experiments.planner.request import Goal, Request, goals_of, with_objects
+from pyinfra.experiments.planner.request import Area, Goal, Request, goals_of, with_objects
 from pyinfra.experiments.planner.site import open_site
 
 COUNT, OBJECTS = 9, 30

@@ -17,7 +17,6 @@ from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.fused import fused
 from pyinfra.dataset.roads import Road
 from pyinfra.experiments.planner import detectability as laws
-from pyinfra.experiments.planner.areas import crossings_of, of_name, read_areas
 from pyinfra.experiments.planner.candidates import (
     POSE,
     make_candidates,
@@ -35,7 +34,7 @@ from pyinfra.experiments.planner.choice import (
 from pyinfra.experiments.planner.costs import open_lidars, read_costs
 from pyinfra.experiments.planner.observe import check_site, observe, weighted_objects
 from pyinfra.experiments.planner.race import is_worse
-from pyinfra.experiments.planner.request import Request
+from pyinfra.experiments.planner.request import Request, crossings_of, of_name, read_areas
 from pyinfra.experiments.planner.simulate import frames_at
 from pyinfra.experiments.planner.site import PlanSite, frame_order, open_site
 from pyinfra.viz.plan_page import site_map

@@ -3,8 +3,6 @@
 Every figure is one of the tables of the plan.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -20,21 +18,12 @@ from pyinfra.experiments.planner.costs import CORES
 from pyinfra.experiments.planner.detectability import Detectability
 from pyinfra.experiments.planner.notes import how_chosen, left_out, usd
 from pyinfra.experiments.planner.observe import Setting
-from pyinfra.experiments.planner.predict import UNKNOWN
+from pyinfra.experiments.planner.predict import PREDICTED, SIMULATED, UNKNOWN, Standing
 from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.sensitivity import PERCENT, RAIN, Move
 from pyinfra.experiments.planner.simulate import Counting
 from pyinfra.experiments.planner.site import PlanSite
-from pyinfra.experiments.planner.verdict import (
-    LISTED,
-    PREDICTED,
-    SIMULATED,
-    Compared,
-    Standing,
-    Standings,
-    Verdict,
-    verdict,
-)
+from pyinfra.experiments.planner.verdict import LISTED, Compared, Standings, Verdict, verdict
 from pyinfra.experiments.requirements import unlike
 from pyinfra.metrics.comparison import Interval
 from pyinfra.scenes.maps.site_traffic import lacking_traffic
@@ -74,7 +63,6 @@ def answer_of(
     site, request, units = setting.site, setting.request, compared.units
     options = compared.stands[: compared.listed]
     frames = len(site.other_frames(setting.effort.check_frames))
-    prices = price_line(moves, compared.options, units, compared.standings)
     lines = [
         f"{asked(site, request)} {caveat(rows.lidar, setting.law.gains)}".rstrip(),
         *verdict_lines(options, request, frames),
@@ -82,7 +70,8 @@ def answer_of(
             f"{i}. {sentence(one, rows[rows.option == i], request)}"
             for i, one in enumerate(options[:LISTED], start=1)
         ),
-        " ".join(filter(None, [prices, few_positions(setting.poses, request)])),
+        f"{price_line(moves, compared.options, units, compared.standings)} "
+        f"{few_positions(setting.poses, request)}".rstrip(),
         change_line(sensitivity),
         count_line(counting, setting.effort.count or 0) if counting else "",
         " ".join(doubts(options[0], request, setting.law, units, site, every)),
@@ -94,15 +83,14 @@ def answer_of(
         *how_chosen(options, rows, request, units),
         *left_out(every),
     ]
-    first = verdict(options[0][1], request)
-    return Answer(first, tuple(line for line in lines if line), tuple(notes))
+    return Answer(verdict(options[0][1], request), tuple(filter(None, lines)), tuple(notes))
 
 
 def asked(site: PlanSite, request: Request) -> str:
     """Returns the centre of the site and the request."""
     x, y = map(round, site.centre.tolist())
-    limited = math.isfinite(request.false_per_minute)
-    false = f", at most {request.false_per_minute:g} false boxes a minute" if limited else ""
+    most = request.false_per_minute
+    false = f", at most {most:g} false boxes a minute" if math.isfinite(most) else ""
     poles = f"{request.poles} pole{'s' if request.poles > 1 else ''}"
     if request.lidars_per_pole > 1:
         poles += f" of at most {request.lidars_per_pole} LiDARs each"
@@ -132,8 +120,9 @@ def verdict_lines(options: Sequence[Option], request: Request, frames: int) -> I
     first += f" in {frames} frames of other traffic" if standing.source == SIMULATED else ""
     rate, per_minute = standing.false_per_frame, request.frames_per_minute
     if math.isfinite(request.false_per_minute):
-        per_frame = f"{per_minute * rate.value:.0f} false boxes a minute {ends(rate, per_minute)}"
-        first += f", with {per_frame}"
+        first += (
+            f", with {per_minute * rate.value:.0f} false boxes a minute {ends(rate, per_minute)}"
+        )
     match verdict(standing, request):
         case "met":
             yield f"Met: {first}."
@@ -144,8 +133,7 @@ def verdict_lines(options: Sequence[Option], request: Request, frames: int) -> I
             yield f"Not met: no option within the budget finds {wanted:g} of 100; {first}."
             do = f"`find` {math.floor(100 * share.low) / 100:g} would be met"
             if rate.low > request.most_false:
-                least = math.ceil(per_minute * rate.high)
-                do += f" and `false_per_minute` {least} would be met"
+                do += f" and `false_per_minute` {math.ceil(per_minute * rate.high)} would be met"
             yield f"A higher budget or more poles may help; {do}."
 
 
@@ -154,8 +142,7 @@ def settled_by(standing: Standing, request: Request, frames: int) -> str:
     share = standing.recall
     if standing.source != SIMULATED:
         return "A simulation in full (`check_frames` of 30 or more) gives a narrower interval."
-    away = abs(share.value - request.find)
-    half = (share.high - share.low) / 2
+    away, half = abs(share.value - request.find), (share.high - share.low) / 2
     enough = math.inf if away == 0 else frames * (half / away) ** 2
     if enough > MOST_FRAMES:
         return "The share is so close to what is asked that no practical simulation settles it."
@@ -174,11 +161,13 @@ def sentence(option: Option, rows: pd.DataFrame, request: Request) -> str:
         f"degrees{carrier(row.kind, existing=row.existing)}"
         for row in rows.itertuples()
     )
-    shares = {"vehicles": standing.recall, "pedestrians": standing.people}
-    found = ", ".join(f"{of_hundred(s)} {name}" for name, s in shares.items() if s.value >= 0)
-    names = dict.fromkeys(area.name for area in request.areas)
-    of_areas = {name: standing.shares.get(f"recall_{name}", UNKNOWN) for name in names}
-    areas = "".join(f", {of_hundred(s)} at {name}" for name, s in of_areas.items() if s.value >= 0)
+    shares = (("vehicles", standing.recall), ("pedestrians", standing.people))
+    found = ", ".join(f"{of_hundred(share)} {name}" for name, share in shares if share.value >= 0)
+    areas = "".join(
+        f", {of_hundred(share)} at {name}"
+        for name in dict.fromkeys(area.name for area in request.areas)
+        if (share := standing.shares.get(f"recall_{name}", UNKNOWN)).value >= 0
+    )
     ap = f"; AP of all vehicles {with_ends(standing.ap)}" if standing.ap.value >= 0 else ""
     return (
         f"{where}: {f'finds {found}' if found else 'no object is'} within {request.within_m:g} m "
@@ -229,45 +218,47 @@ def doubts(
 ) -> Iterator[str]:
     """Yields what is uncertain or assumed in the first option. every: the table of candidates."""
     (choice, standing), costs = option, units.costs
-    if request.people and not standing.people.value >= 0:
-        yield (
+    latency_ms, high_m = units.latency_ms(choice.units), every.height_m.max()
+    lidars = [units.lidars[u] for u in choice.units]
+    doubtful = dict.fromkeys(one.name for one in lidars if not one.confirmed)
+    unsourced = [*costs.without_source, *(one.name for one in lidars if not one.source)]
+    fitted = f"The detectability of {law.detector}"
+    every_doubt = (
+        (
+            request.people and not standing.people.value >= 0,
             f"No pedestrian is within {request.within_m:g} m in the frames of the prediction, so "
-            "the answer has no share of pedestrians."
-        )
-    if choice.price.high > request.budget_usd:
-        yield f"The first option may cost up to {usd(choice.price.high)}, more than the budget."
-    latency_ms = units.latency_ms(choice.units)
-    if latency_ms > costs.frame_ms:
-        yield (
+            "the answer has no share of pedestrians",
+        ),
+        (
+            choice.price.high > request.budget_usd,
+            f"The first option may cost up to {usd(choice.price.high)}, more than the budget",
+        ),
+        (
+            latency_ms > costs.frame_ms,
             f"The detector takes {latency_ms:.0f} ms for a frame, and a frame comes every "
             f"{costs.frame_ms:g} ms. It needs {math.ceil(latency_ms / costs.frame_ms)} cores to "
-            f"keep up, of the {CORES} of a computer; the price has enough computers."
-        )
-    lidars = [units.lidars[u] for u in choice.units]
-    doubtful = list(dict.fromkeys(one.name for one in lidars if not one.confirmed))
-    if doubtful:
-        yield f"The price of {', '.join(doubtful)} is unconfirmed."
-    if costs.unconfirmed:
-        yield f"Unconfirmed costs: {', '.join(costs.unconfirmed)}; your own table replaces them."
-    unsourced = [*costs.without_source, *(one.name for one in lidars if not one.source)]
-    if unsourced:
-        yield f"Without a source: the prices of {', '.join(dict.fromkeys(unsourced))}."
-    if text := lacking_traffic(site.file.parent):
-        yield f"{text}."
-    high = round(every.height_m.max(), 1)
-    if every.height_m.max() > FEET_M:
-        yield (
-            f"Poses are up to {high:g} m above the road. If these are feet, "
-            f"{high:g} feet are {FOOT_M * high:.1f} m."
-        )
-    name, used = f"The detectability of {law.detector}", str(simulation.frames_version())
-    if text := other_frames(name, law.frames_version, used):
-        yield f"{text}."
-    if law.pilot:
-        yield (
+            f"keep up, of the {CORES} of a computer; the price has enough computers",
+        ),
+        (doubtful, f"The price of {', '.join(doubtful)} is unconfirmed"),
+        (
+            costs.unconfirmed,
+            f"Unconfirmed costs: {', '.join(costs.unconfirmed)}; your own table replaces them",
+        ),
+        (unsourced, f"Without a source: the prices of {', '.join(dict.fromkeys(unsourced))}"),
+        (True, lacking_traffic(site.file.parent)),
+        (
+            high_m > FEET_M,
+            f"Poses are up to {round(high_m, 1):g} m above the road. If these are feet, "
+            f"{round(high_m, 1):g} feet are {FOOT_M * round(high_m, 1):.1f} m",
+        ),
+        (True, other_frames(fitted, law.frames_version, str(simulation.frames_version()))),
+        (
+            law.pilot,
             f"The detectability is a pilot: it was fitted on {law.sites} sites, and its intervals "
-            "may be too narrow."
-        )
+            "may be too narrow",
+        ),
+    )
+    return (f"{text}." for holds, text in every_doubt if holds and text)
 
 
 def few_positions(poses: pd.DataFrame, request: Request) -> str:
@@ -275,8 +266,10 @@ def few_positions(poses: pd.DataFrame, request: Request) -> str:
     count = len(poses.drop_duplicates(POSE[:2]))
     if count >= request.poles:
         return ""
-    are = "position is" if count == 1 else "positions are"
-    return f"Only {count} {are} possible, fewer than the {request.poles} poles of the request."
+    return (
+        f"Only {count} {'position is' if count == 1 else 'positions are'} possible, fewer than the "
+        f"{request.poles} poles of the request."
+    )
 
 
 def price_line(
@@ -292,9 +285,7 @@ def price_line(
             f"{max(PERCENT)} %."
         )
     texts = []
-    for move in moves:
-        if move in same:
-            continue
+    for move in [one for one in moves if one not in same]:
         then = "no option is within the budget"
         if (one := move.choice) is not None:
             then = (
@@ -318,8 +309,10 @@ def change_line(table: pd.DataFrame) -> str:
         f"{row.recall:.0f} of 100 without {row.case.removesuffix(' lost')} ({row.source})"
         for row in lost.itertuples()
     ]
-    others = table[(table.case == RAIN) & (table.source == PREDICTED)]
-    texts += [f"{row.recall:.0f} in {row.case} ({row.source})" for row in others.itertuples()]
+    texts += [
+        f"{row.recall:.0f} in {row.case} ({row.source})"
+        for row in table[(table.case == RAIN) & (table.source == PREDICTED)].itertuples()
+    ]
     done = table[(table.source == SIMULATED) & table.change.notna() & ~table.index.isin(lost.index)]
     texts += [
         f"{row.recall:.0f} with {row.case} ({row.change:+.0f} [{row.change_low:+.0f} to "

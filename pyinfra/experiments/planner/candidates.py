@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -77,15 +77,13 @@ def make_candidates(site: PlanSite, within_m: float, grid: PoseGrid) -> pd.DataF
     rows: list[dict[str, object]] = []
     taken = np.empty((0, 2))
     for (kind, x, y, ground, top), stands in zip(near, free, strict=True):
-        apart = (np.hypot(*(taken - (x, y)).T) >= APART_M).all()
-        if not apart or not (stands or kind == "median"):
+        near_another = (np.hypot(*(taken - (x, y)).T) < APART_M).any()
+        if near_another or not (stands or kind == "median"):
             continue
         taken = np.vstack([taken, (x, y)])
-        heights = [h for h in grid.heights_m if ground + h <= top]
-        rows += [
-            {"kind": kind, "existing": kind == "wall", "x_m": x, "y_m": y, "z_m": ground + h}
-            for h in heights
-        ]
+        place = {"kind": kind, "existing": kind == "wall", "x_m": x, "y_m": y}
+        place |= {"foot_x_m": x, "foot_y_m": y}
+        rows += [place | {"z_m": ground + h} for h in grid.heights_m if ground + h <= top]
     if not rows:
         nearest = f"; the nearest is {min(distances):.0f} m away" if distances else ""
         raise Error(
@@ -124,8 +122,7 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
     poses = on_arms(table.assign(kind="file", existing=table.existing == "yes"), file)
     if "z_m" not in poses:
         ground, _ = nearest_roads(site.roads, poses[["x_m", "y_m"]].to_numpy(float))
-        parts = [poses.assign(z_m=ground + h) for h in grid.heights_m]
-        poses = pd.concat(parts, ignore_index=True)
+        poses = each(poses.assign(z_m=ground + h) for h in grid.heights_m)
     return turned(poses, site, grid)
 
 
@@ -156,8 +153,7 @@ def given_places(poses: pd.DataFrame) -> IntArray:
     """
     place = poses.groupby(POSE[:2], sort=False).ngroup().to_numpy()
     given = poses.kind.isin(GIVEN).to_numpy()
-    few = len(np.unique(place[given])) <= MOST_GIVEN
-    return np.where(given & few, place, -1)
+    return np.where(given & (len(np.unique(place[given])) <= MOST_GIVEN), place, -1)
 
 
 def turned(poses: pd.DataFrame, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
@@ -165,26 +161,27 @@ def turned(poses: pd.DataFrame, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
 
     `turn` is 0 for the pose of LiDARs that see all around, which need no other.
     """
-    if "foot_x_m" not in poses:
-        poses = poses.assign(foot_x_m=poses.x_m, foot_y_m=poses.y_m)
-    if "yaw_deg" not in poses:
+    if "yaw_deg" in poses:
+        poses = poses.assign(turn=0.0)
+    else:
         to_centre = site.centre - poses[["x_m", "y_m"]].to_numpy(float)
         yaw = np.degrees(np.arctan2(to_centre[:, 1], to_centre[:, 0])).round(1)
         steps = [(i + 1) // 2 * (-1) ** i * grid.yaw_step_deg for i in range(grid.yaws)]
-        parts = [
+        poses = each(
             poses.assign(yaw_deg=(yaw + s + 180) % 360 - 180, turn=float(s != 0)) for s in steps
-        ]
-        poses = pd.concat(parts, ignore_index=True)
-    else:
-        poses = poses.assign(turn=0.0)
+        )
     if "pitch_deg" not in poses:
-        parts = [poses.assign(pitch_deg=p) for p in grid.pitches_deg]
-        poses = pd.concat(parts, ignore_index=True)
-    columns = ["kind", "existing", *POSE, "turn", *FOOT]
-    table = poses[columns].drop_duplicates(POSE).sort_values(POSE, ignore_index=True)
+        poses = each(poses.assign(pitch_deg=p) for p in grid.pitches_deg)
+    poses = poses[["kind", "existing", *POSE, "turn", *FOOT]]
+    table = poses.drop_duplicates(POSE).sort_values(POSE, ignore_index=True)
     ground, _ = nearest_roads(site.roads, table[["x_m", "y_m"]].to_numpy(float))
     table.insert(5, "height_m", table.z_m - ground)
     return table.round(3)
+
+
+def each(parts: Iterable[pd.DataFrame]) -> pd.DataFrame:
+    """Returns the rows of all parts."""
+    return pd.concat(parts, ignore_index=True)
 
 
 def with_faults(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:
@@ -192,7 +189,7 @@ def with_faults(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:
 
     The rules are those of a scene's mounts: outside buildings, trees and lanes, above the ground.
     """
-    faults = [site.observer.fault([*row]) for row in poses[POSE].to_numpy(float)]
+    faults = (site.observer.fault([*row]) for row in poses[POSE].to_numpy(float))
     return poses.assign(fault=[": ".join(fault.split(": ", 2)[-2:]) for fault in faults])
 
 
@@ -202,9 +199,8 @@ def feasible(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:
     if free.empty:
         reasons = poses.fault.value_counts()
         pose = poses.iloc[0]
-        place = nearest_free(site, pose[POSE].to_numpy(float))
         near = "nothing is free near it"
-        if place is not None:
+        if place := nearest_free(site, pose[POSE].to_numpy(float)):
             near = f"free is ({place[0]:.1f}, {place[1]:.1f}) at z_m {place[2]:.1f}"
         raise Error(
             f"poses: expected a pose that is free, got {len(poses)} that are not; "
@@ -226,10 +222,10 @@ def nearest_free(site: PlanSite, pose: FloatArray) -> tuple[float, float, float]
             return place
     for away in np.arange(0.5, SEARCH_M + 0.1, 0.5):
         for angle in np.arange(0, 2 * np.pi, np.pi / 8):
-            x, y = pose[0] + away * np.cos(angle), pose[1] + away * np.sin(angle)
-            beside = nearest_road(site.roads, np.array([x, y]))[1] > 0
-            if beside and not site.observer.fault([float(x), float(y), *pose[2:]]):
-                return float(x), float(y), float(pose[2])
+            at = pose[:2] + away * np.array([np.cos(angle), np.sin(angle)])
+            beside = nearest_road(site.roads, at)[1] > 0
+            if beside and not site.observer.fault([*at, *pose[2:]]):
+                return float(at[0]), float(at[1]), float(pose[2])
     return None
 
 
@@ -262,10 +258,9 @@ def off_carriageways(places: FloatArray, roads: Sequence[Road]) -> BoolArray:
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)  # (16, 2)
     steps = np.arange(1, ISLAND_M + 1)[:, None, None] * ways  # (metres, 16, 2)
     around = places[beside, None, None] + steps  # (places, metres, 16, 2)
-    _, outside = nearest_roads(roads, around.reshape(-1, 2))
-    on_road = np.reshape(outside <= 0, around.shape[:-1])
-    enclosed = np.asarray(on_road.any(axis=1)).all(axis=1)  # in all 16 directions
-    beside[beside] = ~enclosed
+    on_road = nearest_roads(roads, around.reshape(-1, 2))[1] <= 0
+    in_direction = np.any(on_road.reshape(around.shape[:-1]), axis=1)  # (places, 16)
+    beside[beside] = ~np.all(in_direction, axis=1)
     return beside
 
 
@@ -275,7 +270,6 @@ def _on_walls(site: PlanSite, every_m: float) -> Iterator[tuple[str, float, floa
         angle = math.radians(house.get("heading_deg", 0))
         along = np.array([math.cos(angle), math.sin(angle)])
         across = np.array([-along[1], along[0]])
-        middle = np.array([house["x_m"], house["y_m"]])
         length, width = house["length_m"], house["width_m"]
         top = float(house.get("base_m", 0)) + house["height_m"]
         for way, side, half, wide in (
@@ -284,9 +278,10 @@ def _on_walls(site: PlanSite, every_m: float) -> Iterator[tuple[str, float, floa
             (across, along, length / 2, width),
             (across, -along, length / 2, width),
         ):
+            middle = np.array([house["x_m"], house["y_m"]]) + side * (half + WALL_M)
             count = max(1, int(wide // every_m))
             for k in range(count):
-                at = middle + side * (half + WALL_M) + way * wide * ((k + 0.5) / count - 0.5)
+                at = middle + way * wide * ((k + 0.5) / count - 0.5)
                 ground, away = nearest_road(site.roads, at)
                 if away <= WALL_TO_ROAD_M:
                     yield "wall", float(at[0]), float(at[1]), ground, top

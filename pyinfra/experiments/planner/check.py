@@ -1,7 +1,5 @@
 """Checks the best options of a plan: they are simulated in full, and their shares are measured."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,15 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from pyinfra.core.arrays import AnyArray, BoolArray
-from pyinfra.experiments.planner.areas import weighted
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.choice import Choice, first_at_each_place, listed
 from pyinfra.experiments.planner.observe import Setting
-from pyinfra.experiments.planner.predict import UNKNOWN, moved_by_frame
-from pyinfra.experiments.planner.request import Request, with_objects
+from pyinfra.experiments.planner.predict import SIMULATED, UNKNOWN, Standing, moved_by_frame
+from pyinfra.experiments.planner.request import Request, masks_of, weighted, with_objects
 from pyinfra.experiments.planner.simulate import Found, Parts, simulate_option
 from pyinfra.experiments.planner.site import PlanSite
-from pyinfra.experiments.planner.verdict import LISTED, SIMULATED, Compared, Standing, in_order
+from pyinfra.experiments.planner.verdict import LISTED, Compared, in_order
 from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.intervals import student
 
@@ -35,10 +32,8 @@ def check(setting: Setting, chosen: Compared) -> tuple[Compared, dict[tuple[int,
     def measured(one: Choice) -> None:
         found[one.units] = now = simulate(one, chosen, setting)
         goals = with_objects(chosen.goals, site, now.objects, setting.law, request)
-        counted = {goal.column: goal.counted for goal in goals}
-        standings[one.units] = standing(now, counted, site, request)
-        share = standings[one.units].recall.value
-        names = " and ".join(units.names(one.units))
+        standings[one.units] = standing(now, masks_of(goals), site, request)
+        names, share = " and ".join(units.names(one.units)), standings[one.units].recall.value
         setting.effort.tell(f"simulated {names}: finds {100 * share:.0f} of 100")
 
     def kind(one: Choice) -> tuple[list[str], int]:
@@ -51,11 +46,10 @@ def check(setting: Setting, chosen: Compared) -> tuple[Compared, dict[tuple[int,
         if not left:
             break
         measured(left[0])
-    if found:
-        kinds = [kind(one) for one in chosen.options if one.units in found]
-        order = in_order(chosen.options, standings, request)
-        for other in [one for one in order if kind(one) not in kinds][:1]:
-            measured(other)
+    kinds = [kind(one) for one in chosen.options if one.units in found]
+    order = in_order(chosen.options, standings, request)
+    for other in [one for one in order if found and kind(one) not in kinds][:1]:
+        measured(other)
     order = in_order(chosen.options, standings, request)
     order, count = listed(order, chosen.best, units, LISTED)
     return replace(chosen, options=order, listed=count, standings=standings), found
@@ -63,9 +57,13 @@ def check(setting: Setting, chosen: Compared) -> tuple[Compared, dict[tuple[int,
 
 def simulate(one: Choice, compared: Compared, setting: Setting) -> Found:
     """Simulates an option in full."""
-    detector, frames = setting.request.detector, setting.effort.check_frames
-    cut = compared.predicted(one.units).cut
-    return simulate_option(setting.site, parts_of(one, compared, setting), detector, cut, frames)
+    return simulate_option(
+        setting.site,
+        parts_of(one, compared, setting),
+        setting.request.detector,
+        compared.predicted(one.units).cut,
+        setting.effort.check_frames,
+    )
 
 
 def parts_of(one: Choice, compared: Compared, setting: Setting) -> Parts:

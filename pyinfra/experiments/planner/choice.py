@@ -5,8 +5,6 @@ each other: P(found) = 1 - product of (1 - p). The value of an option is the wei
 present objects that it finds, seen or not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -51,8 +49,9 @@ class Units:
     def parts(self, units: Sequence[int]) -> dict[str, Range]:
         """Returns the lines of the price of an option over the years."""
         there = self.poles(units).values()
-        lidars = [self.lidars[u] for u in units]
-        return self.costs.parts(lidars, len(there) - sum(there), len(there))
+        return self.costs.parts(
+            [self.lidars[u] for u in units], len(there) - sum(there), len(there)
+        )
 
     def latency_ms(self, units: Sequence[int]) -> float:
         """Returns the time of a frame of an option on one core. Each LiDAR of a bundle counts."""
@@ -114,8 +113,7 @@ def units_of(observed: Observed, setting: Setting) -> Units:
 def choice_of(units: Units, some: Sequence[int], method: str, bound: float | None = None) -> Choice:
     """Returns an option. bound: by default its value."""
     value = units.value(some)
-    bound = value if bound is None else bound
-    return Choice(tuple(some), value, units.price(some), bound, method)
+    return Choice(tuple(some), value, units.price(some), value if bound is None else bound, method)
 
 
 def considered(units: Units, request: Request) -> list[Choice]:
@@ -123,11 +121,13 @@ def considered(units: Units, request: Request) -> list[Choice]:
     alone = singles(units, request.budget_usd)
     if not alone:
         return []
-    given = [one for one in alone if units.given_at(one.units[0]) >= 0]
     options = [
         *first_at_each_place(alone, units)[:SHOWN],
         *first_of_each(alone, lambda one: units.names(one.units)[0]),
-        *first_of_each(given, lambda one: units.given_at(one.units[0])),
+        *first_of_each(
+            (one for one in alone if units.given_at(one.units[0]) >= 0),
+            lambda one: units.given_at(one.units[0]),
+        ),
     ]
     if request.units >= 2:
         options += first_at_each_place(pairs(units, request), units)[:SHOWN]
@@ -159,8 +159,9 @@ def first_at_each_place(options: Iterable[Choice], units: Units) -> list[Choice]
 
 def stands(one: Choice, units: Units) -> tuple[tuple[int, int, str], ...]:
     """Returns the numbers of the pole and of the user's position, and the LiDAR, of each unit."""
-    rows = [(int(units.place[u]), units.given_at(u), units.lidars[u].name) for u in one.units]
-    return tuple(sorted(rows))
+    return tuple(
+        sorted((int(units.place[u]), units.given_at(u), units.lidars[u].name) for u in one.units)
+    )
 
 
 def listed(
@@ -174,16 +175,16 @@ def listed(
     always = {stands(one, units) for one in best}
     each = first_at_each_place(order, units)
     some = {one.key for k, one in enumerate(each) if k < first or stands(one, units) in always}
-    ordered = sorted(order, key=lambda one: one.key not in some)
-    return ordered, len(some)
+    return sorted(order, key=lambda one: one.key not in some), len(some)
 
 
 def singles(units: Units, budget_usd: float) -> list[Choice]:
     """Returns all options of one unit within the budget, best first."""
     values = units.probability @ units.weight / units.total
-    prices = [units.price([u]) for u in range(len(values))]
-    within = [u for u in range(len(values)) if prices[u].middle <= budget_usd]
-    order = sorted(within, key=lambda u: (-float(values[u]), prices[u].middle))
+    prices = {
+        u: price for u in range(len(values)) if (price := units.price([u])).middle <= budget_usd
+    }
+    order = sorted(prices, key=lambda u: (-float(values[u]), prices[u].middle))
     best = float(values[order[0]]) if order else 0.0
     return [Choice((u,), float(values[u]), prices[u], best, "exact") for u in order]
 
@@ -222,9 +223,8 @@ def pair_prices(units: Units, same: BoolArray) -> FloatArray:
     kinds, lidars = list(dict.fromkeys(each)), {one.name: one for one in units.lidars}
     prices = np.zeros((len(kinds), len(kinds), 2))
     for (i, (a, old_a)), (j, (b, old_b)) in product(enumerate(kinds), repeat=2):
-        both = [lidars[a], lidars[b]]
-        apart = units.costs.price(both, 2 - old_a - old_b, 2)
-        prices[i, j] = apart.middle, units.costs.price(both, 1 - old_a, 1).middle
+        for k, (new, poles) in enumerate(((2 - old_a - old_b, 2), (1 - old_a, 1))):
+            prices[i, j, k] = units.costs.price([lidars[a], lidars[b]], new, poles).middle
     number = np.array([kinds.index(kind) for kind in each])
     return np.asarray(prices[number[:, None], number, same.astype(int)])
 
@@ -240,9 +240,8 @@ def greedy(units: Units, request: Request) -> Choice | None:
     best = max(options, key=units.value)
     if not best:
         return None
-    budget_usd, most = request.budget_usd, request.units
-    bound = min(upper_bound(units, one, budget_usd, most) for one in options)
-    return choice_of(units, best, "greedy", bound)
+    bounds = [upper_bound(units, one, request.budget_usd, request.units) for one in options]
+    return choice_of(units, best, "greedy", min(bounds))
 
 
 def _search(units: Units, request: Request, *, per_dollar: bool) -> list[int]:
@@ -276,7 +275,7 @@ def _fits(units: Units, chosen: list[int], request: Request) -> bool:
 def upper_bound(units: Units, chosen: list[int], budget_usd: float, most: int) -> float:
     """Returns a share that no option of at most `most` units within the budget exceeds."""
     missed = np.prod(1 - units.probability[chosen].astype(float), axis=0)
-    value = float(((1 - missed) * units.weight).sum())
+    found = float(((1 - missed) * units.weight).sum())
     gains = units.probability @ (missed * units.weight)
     least, left_usd = least_prices(units, budget_usd)
     by_number = float(np.sort(gains)[::-1][: min(most, most_units(units, budget_usd))].sum())
@@ -288,7 +287,7 @@ def upper_bound(units: Units, chosen: list[int], budget_usd: float, most: int) -
         first = int(np.argmin(whole))
         left = max(0.0, left_usd - (spent[first - 1] if first else 0.0))
         by_price += float(gains[order][first]) * left / max(float(least[order][first]), 1e-9)
-    return min(1.0, (value + min(by_number, by_price)) / units.total)
+    return min(1.0, (found + min(by_number, by_price)) / units.total)
 
 
 def least_prices(units: Units, budget_usd: float) -> tuple[FloatArray, float]:
@@ -297,8 +296,8 @@ def least_prices(units: Units, budget_usd: float) -> tuple[FloatArray, float]:
     A unit adds at least its LiDAR and cable. Every option has at least one pole, one computer and
     the rest of the cheapest option of one unit.
     """
-    cable = units.costs.lines["cable_usd"].middle
-    least = np.array([lidar.price_usd.middle + cable * lidar.units for lidar in units.lidars])
+    cable_usd = units.costs.lines["cable_usd"].middle
+    least = np.array([one.price_usd.middle + cable_usd * one.units for one in units.lidars])
     alone = np.array([units.price([u]).middle for u in range(len(least))])
     return least, budget_usd - float((alone - least).min())
 

@@ -140,14 +140,14 @@ class Costs:
         line, count = self.lines, sum(lidar.units for lidar in lidars)
         computers = self.computers(count)
         watts = line["lidar_w"] * count + line["computer_w"] * computers
-        kwh = watts * (HOURS_A_YEAR * self.years / 1000)
+        hours = HOURS_A_YEAR * self.years
         return {
             "lidar_usd": sum((one.price_usd for one in lidars), NOTHING),
             "pole_usd": line["pole_usd"] * new_poles,
             "installation_usd": line["installation_usd"] * poles,
             "cable_usd": line["cable_usd"] * count,
             "computer_usd": line["computer_usd"] * computers,
-            "power_usd": kwh * line["usd_per_kwh"],
+            "power_usd": watts * (hours / 1000) * line["usd_per_kwh"],
             "upkeep_usd": line["upkeep_usd"] * (poles * self.years),
         }
 
@@ -178,9 +178,13 @@ def read_costs(
     missing = [item for item in ITEMS if item not in set(table["item"])]
     if missing:
         raise FormatError(f"{file}: item: expected a row for {missing[0]}, got none")
-    lines = {one.item: Range(one.low, one.high) for one in table.itertuples()}
-    sources = dict(zip(table["item"], table.source.fillna("").astype(str), strict=True))
-    return Costs(lines, sources, years, law.latency_ms, 1000 * period_s)
+    return Costs(
+        {one.item: Range(one.low, one.high) for one in table.itertuples()},
+        dict(zip(table["item"], table.source.fillna("").astype(str), strict=True)),
+        years,
+        law.latency_ms,
+        1000 * period_s,
+    )
 
 
 def affordable(lidars: list[PlanLidar], costs: Costs, budget_usd: float) -> list[PlanLidar]:
@@ -200,8 +204,9 @@ def lowest_prices(
     lidars: Sequence[PlanLidar], poses: pd.DataFrame, costs: Costs
 ) -> dict[str, float]:
     """Returns the price of each LiDAR alone, on an existing pole if there is one."""
-    new = 0 if poses.existing.any() else 1
-    return {one.name: costs.price([one], new, 1).middle for one in lidars}
+    return {
+        one.name: costs.price([one], 0 if poses.existing.any() else 1, 1).middle for one in lidars
+    }
 
 
 def possible(
@@ -220,5 +225,5 @@ def possible(
             f"budget_usd: expected {math.ceil(prices.min()):,} or more for a pole with a LiDAR, "
             f"got {budget_usd:,.0f}; an existing mast costs less"
         )
-    turns = np.array([not one.all_around for one in lidars])
-    return np.asarray((prices <= budget_usd) & (turns | (poses.turn == 0).to_numpy()[:, None]))
+    needless = np.outer(poses.turn != 0, [one.all_around for one in lidars])
+    return np.asarray((prices <= budget_usd) & ~needless)

@@ -6,8 +6,6 @@ objects with points. Both are fitted by `python -m reproduction detectability`. 
 coefficients has replicates of the fit over generated sites, for intervals.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,18 +58,12 @@ class Detectability:
     detector: str
     pilot: bool  # whether the fit has fewer sites than a decision needs
     sites: int
-    frames: int
-    note: str
-    latency_ms: float  # CPU time of a frame of one LiDAR on `machine`
-    machine: str
+    latency_ms: float  # CPU time of a frame of one LiDAR
     vehicles: Law
     people: Law | None
     unseen: UnseenErrors
     gains: dict[str, float]  # AP that fine-tuning to a LiDAR adds, by LiDAR; those measured only
     frames_version: str = FIRST  # number of the frames that the laws and the detector learnt from
-
-    def law(self, *, person: bool) -> Law | None:
-        return self.people if person else self.vehicles
 
 
 def read_detectability(detector: str, file: Path = FILE) -> Detectability:
@@ -84,10 +76,7 @@ def read_detectability(detector: str, file: Path = FILE) -> Detectability:
         detector,
         bool(one["pilot"]),
         int(one["sites"]),
-        int(one["frames"]),
-        str(one["note"]),
         float(one["latency_ms"]),
-        str(one["machine"]),
         law_of(one["vehicles"], detector),
         law_of(people, detector) if people else None,
         UnseenErrors(**one["unseen_std"]),
@@ -181,8 +170,7 @@ def ap_of_counts(true_positives: FloatArray, false_positives: FloatArray, object
     """
     if objects == 0:
         return float("nan")
-    boxes = np.maximum(true_positives + false_positives, 1e-12)
     recall = np.concatenate([[0], true_positives[::-1] / objects])
-    precision = (true_positives / boxes)[::-1]
-    envelope = np.maximum.accumulate(precision[::-1])[::-1]
+    precision = true_positives / np.maximum(true_positives + false_positives, 1e-12)
+    envelope = np.maximum.accumulate(precision)[::-1]
     return float(100 * (np.diff(recall).clip(0) * envelope).sum())

@@ -5,8 +5,6 @@ allowed. The front holds the best option for each of these settings. It is exact
 LiDARs over all pairs of pose and LiDAR that stayed in the race. Beyond two it is greedy.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -30,16 +28,17 @@ from pyinfra.experiments.planner.choice import (
     upper_bound,
 )
 from pyinfra.experiments.planner.observe import Objects, Observed, Setting, observed_again
-from pyinfra.experiments.planner.predict import UNKNOWN, Prediction, predict
+from pyinfra.experiments.planner.predict import UNKNOWN, Prediction, Standing, predict
 from pyinfra.experiments.planner.request import (
     Goal,
     Request,
     distances,
     goals_of,
+    masks_of,
     with_objects,
 )
 from pyinfra.experiments.planner.site import other_traffic
-from pyinfra.experiments.planner.verdict import Compared, Standing
+from pyinfra.experiments.planner.verdict import Compared
 
 UNSEEN_FRAMES = 48  # frames of the predictions, of other traffic than that of the choice
 CELL_M = 5.0
@@ -77,20 +76,19 @@ def choose(setting: Setting, raced: Observed) -> Compared:
     units = units_of(raced, setting)
     goals = goals_of(site, raced.objects.table, law, request)
     best = considered(units, request)
-    front = [with_bound(one, best, units, request) for one in front_options(units, goals, request)]
-    options = merged([*front, *best])
+    front = front_options(units, goals, request)
+    options = merged([*(with_bound(one, best, units, request) for one in front), *best])
     other = other_traffic(site, min(request.frames, UNSEEN_FRAMES))
-    every = {unit for one in options for unit in one.units}
-    unseen = observed_again(setting, other, raced.stayed, every)
+    unseen = observed_again(setting, other, raced.stayed, [u for one in options for u in one.units])
     if not unseen.objects.near_vehicles.any():
         unseen = raced
     goals = with_objects(goals, site, unseen.objects.table, law, request)
 
     @cache
     def predicted(some: tuple[int, ...]) -> Prediction:
-        return predict(unseen, some, law, request, {one.column: one.counted for one in goals})
+        return predict(unseen, some, law, request, masks_of(goals))
 
-    standings = {one.units: Standing.predicted(predicted(one.units)) for one in options}
+    standings = {one.units: predicted(one.units).standing for one in options}
     return Compared(options, best, len(best), units, goals, standings, predicted, unseen)
 
 
@@ -112,9 +110,10 @@ def front_options(units: Units, goals: Sequence[Goal], request: Request) -> list
 def with_bound(one: Choice, best: Sequence[Choice], units: Units, request: Request) -> Choice:
     """Returns an option of the front with its value for the plan's weights, and their bound."""
     count = len(one.units)
-    bounds = [other.bound for other in best if len(other.units) == count]
-    bound = bounds[0] if bounds else upper_bound(units, [*one.units], request.budget_usd, count)
-    return replace(one, value=units.value(one.units), bound=bound)
+    bounds = [other.bound for other in best if len(other.units) == count] or [
+        upper_bound(units, [*one.units], request.budget_usd, count)
+    ]
+    return replace(one, value=units.value(one.units), bound=bounds[0])
 
 
 def undominated(options: Sequence[Choice], units: Units) -> list[Choice]:
@@ -139,8 +138,7 @@ def _best_of_each(key: IntArray, value: FloatArray) -> IntArray:
 
 def _best_singles(units: Units, model: IntArray, request: Request) -> Iterator[Choice]:
     """Yields the best option of one unit of each LiDAR, on a new and on an existing pole."""
-    value = np.asarray(units.probability @ units.weight)
-    for u in _best_of_each(2 * model + units.existing, value):
+    for u in _best_of_each(2 * model + units.existing, units.probability @ units.weight):
         one = choice_of(units, [int(u)], "exact")
         if one.price.middle <= request.budget_usd:
             yield one
@@ -223,9 +221,7 @@ def _cells(probability: Sequence[FloatArray], objects: Objects) -> Cells:
     probability: (objects,) probability of each option that it finds each object.
     """
     vehicles = ~objects.table.person.to_numpy(bool)
-    xy = objects.table[["x", "y"]].to_numpy(float)[vehicles]
-    corners, at, counts = np.unique(
-        np.floor(xy / CELL_M), axis=0, return_inverse=True, return_counts=True
-    )
+    cells = np.floor(objects.table[["x", "y"]].to_numpy(float)[vehicles] / CELL_M)
+    corners, at, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
     sums = [np.bincount(at.ravel(), one[vehicles], len(corners)) for one in probability]
     return Cells(CELL_M * corners, counts, np.array(sums) / counts)

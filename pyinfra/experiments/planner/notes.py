@@ -1,14 +1,12 @@
 """The notes of a plan in words: how its first option was chosen, and what was left out."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
 from pyinfra.experiments.planner.choice import Choice, Units, most_units
+from pyinfra.experiments.planner.predict import SIMULATED, Standing
 from pyinfra.experiments.planner.request import Request
-from pyinfra.experiments.planner.verdict import SIMULATED, Standing
 
 REASONS = 4  # reasons of left-out poses that are listed
 
@@ -42,8 +40,8 @@ def how_chosen(
 
 def number_of_poles(rows: pd.DataFrame) -> Iterator[str]:
     """Yields the best option of each number of poles, if there are several."""
-    first = rows.drop_duplicates("option").sort_values("share", ascending=False)
-    best = first.drop_duplicates("poles").sort_values("poles")
+    order = rows.drop_duplicates("option").sort_values("share", ascending=False)
+    best = order.drop_duplicates("poles").sort_values("poles")
     if len(best) < 2:
         return
     texts = [
@@ -56,16 +54,15 @@ def number_of_poles(rows: pd.DataFrame) -> Iterator[str]:
 
 def left_out(every: pd.DataFrame) -> Iterator[str]:
     """Yields lines on the LiDARs that were compared, and on what was left out, by reason."""
-    names = sorted(every.lidar[every.lidar != ""].unique())
-    yield f"LiDARs within the budget: {', '.join(names)}."
+    pairs = every[every.lidar != ""]
+    yield f"LiDARs within the budget: {', '.join(sorted(pairs.lidar.unique()))}."
     faults = every[every.lidar == ""].left_out.value_counts()
     if len(faults):
         shown = [f"{reason} ({count})" for reason, count in faults.head(REASONS).items()]
-        more = faults.iloc[REASONS:].sum()
-        rest = f"; other reasons ({more})" if more else ""
-        yield f"{faults.sum()} poses are not possible: {'; '.join(shown)}{rest}."
-    raced = every[(every.lidar != "") & (every.left_out != "")].left_out.value_counts()
+        if len(faults) > REASONS:
+            shown.append(f"other reasons ({faults.iloc[REASONS:].sum()})")
+        yield f"{faults.sum()} poses are not possible: {'; '.join(shown)}."
+    raced = pairs.left_out[pairs.left_out != ""].value_counts()
     if len(raced):
-        texts = [f"{count} {reason}" for reason, count in raced.items()]
-        total = int((every.lidar != "").sum())
-        yield f"{raced.sum()} of {total} pairs of pose and LiDAR were left out: {'; '.join(texts)}."
+        texts = "; ".join(f"{count} {reason}" for reason, count in raced.items())
+        yield f"{raced.sum()} of {len(pairs)} pairs of pose and LiDAR were left out: {texts}."

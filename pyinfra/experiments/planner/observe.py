@@ -4,8 +4,6 @@ An observation is one object in one frame with at least one point: its points an
 its distance from the LiDAR and its visible share. Only rays that may meet an object are cast.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -20,11 +18,10 @@ from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.dataset import simulation
 from pyinfra.experiments.benchmark.inputs import named_files
-from pyinfra.experiments.planner.areas import check_on_roads, weighted
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.costs import Costs, PlanLidar
 from pyinfra.experiments.planner.detectability import Detectability
-from pyinfra.experiments.planner.request import Effort, Request
+from pyinfra.experiments.planner.request import Effort, Request, check_on_roads, weighted
 from pyinfra.experiments.planner.site import PlanSite
 
 POSES_AT_ONCE = 8
@@ -58,6 +55,11 @@ class Objects:
         """Which objects are vehicles within the distance of the request: (n,)."""
         return np.asarray(self.near & ~self.table.person.to_numpy(bool))
 
+    @property
+    def total(self) -> float:
+        """The sum of the weights, above 0."""
+        return max(float(self.weight.sum()), 1e-12)
+
 
 @dataclass(frozen=True, eq=False)
 class Observed:
@@ -88,16 +90,15 @@ def check_site(site: PlanSite, request: Request, check_frames: int, *, drawn: bo
         check_on_roads(request.areas, site.roads)
     objects = weighted_objects(site, request, site.frames)
     if objects.weight.sum() == 0 or not objects.near_vehicles.any():
-        x, y = site.centre
-        vehicles = objects.table[~objects.table.person]
+        vehicles, (x, y) = objects.table[~objects.table.person], site.centre
         away = np.hypot(vehicles.x - x, vehicles.y - y)
         nearest = f"; the nearest is {away.min():.0f} m away" if len(away) else ""
         raise Error(
             f"within_m: expected vehicles within {request.within_m:g} m of ({x:.0f}, {y:.0f}), "
             f"got none in {len(site.frames)} frames{nearest}"
         )
-    left = site.every_frame - len(site.other_frames(check_frames))
-    if request.detector == "background" and check_frames and left < 1:
+    all_used = len(site.other_frames(check_frames)) >= site.every_frame
+    if request.detector == "background" and check_frames and all_used:
         raise Error(
             f"check_frames: expected below {site.every_frame}, because the detector learns from "
             f"the other frames of the scene, got {check_frames}"
@@ -109,8 +110,8 @@ def joined(rows: pd.DataFrame, pairs: pd.DataFrame, objects: Objects) -> pd.Data
     index = pd.Series(pairs.index, index=pd.MultiIndex.from_frame(pairs[["pose", "lidar"]]))
     pair = index.reindex(pd.MultiIndex.from_frame(rows[["pose", "lidar"]])).to_numpy()
     table = objects.table[["frame", "id", "type", "speed"]].assign(object=objects.table.index)
-    out = rows.assign(pair=pair).merge(table, on=["frame", "id"], how="inner")
-    return out.drop(columns=["pose", "lidar"])
+    rows = rows.drop(columns=["pose", "lidar"]).assign(pair=pair)
+    return rows.merge(table, on=["frame", "id"], how="inner")
 
 
 def observed_again(
@@ -172,13 +173,11 @@ def observe(
         folder.mkdir(parents=True, exist_ok=True)
     # The extension releases the interpreter's lock, so that threads share one site.
     parallel = joblib.Parallel(n_jobs=jobs, backend="threading")
-    parts = parallel(joblib.delayed(call)(chunk) for chunk in chunks)
-    numbered = []
-    for chunk, rows in zip(chunks, parts, strict=True):
-        table = pd.DataFrame(rows)
-        table.insert(0, "pose", chunk[table.pop("at").to_numpy()])
-        numbered.append(table)
-    return pd.concat(numbered, ignore_index=True)
+    parts = list(parallel(joblib.delayed(call)(chunk) for chunk in chunks))
+    poses_of_rows = [chunk[rows["at"]] for chunk, rows in zip(chunks, parts, strict=True)]
+    table = pd.concat(map(pd.DataFrame, parts), ignore_index=True).drop(columns="at")
+    table.insert(0, "pose", np.concatenate(poses_of_rows))
+    return table
 
 
 def _kept(file: Path) -> AnyArray | None:
@@ -214,10 +213,10 @@ def _inputs(
     site: PlanSite, lidars: Sequence[PlanLidar], frames: Sequence[int]
 ) -> dict[str, object]:
     """Returns all inputs of observations except the poses, with the contents of files."""
-    files = [(site.file.parent / name).read_bytes() for name in named_files(site.keys)]
+    files = [site.file.parent / name for name in named_files(site.keys)]
     return {
         "scene": (site.keys, site.preset, site.seed),
-        "files": [hashlib.sha256(content).hexdigest() for content in files],
+        "files": [hashlib.sha256(file.read_bytes()).hexdigest() for file in files],
         "lidars": [lidar.unit.dump() for lidar in lidars],
         "frames": [*frames],
         "version": simulation.frames_version(),

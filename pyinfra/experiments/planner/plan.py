@@ -18,7 +18,6 @@ from pyinfra.core.progress import show_line
 from pyinfra.core.public import public
 from pyinfra.core.vocabulary import Preset
 from pyinfra.experiments.planner.answer import Answer, answer_of
-from pyinfra.experiments.planner.areas import crossings_of, read_areas
 from pyinfra.experiments.planner.candidates import (
     PoseGrid,
     check_grid,
@@ -41,7 +40,14 @@ from pyinfra.experiments.planner.detectability import read_detectability
 from pyinfra.experiments.planner.front import Front, choose, front_of
 from pyinfra.experiments.planner.observe import Setting, check_site
 from pyinfra.experiments.planner.race import race
-from pyinfra.experiments.planner.request import RANGES, Effort, Request, check_request
+from pyinfra.experiments.planner.request import (
+    RANGES,
+    Effort,
+    Request,
+    check_request,
+    crossings_of,
+    read_areas,
+)
 from pyinfra.experiments.planner.sensitivity import (
     computed_rows,
     moves_of,
@@ -129,7 +135,7 @@ def plan(
     seed: int | None = None,
     frames: int = Request.frames,
     check_frames: int = Effort.check_frames,
-    what_if: bool = Effort.what_if,
+    what_if: bool = False,
     count: float | None = Effort.count,
     out: str | os.PathLike[str] | None = None,
     jobs: int = Effort.jobs,
@@ -192,16 +198,19 @@ def plan(
     """
     law = read_detectability(detector)
     period_s = common_period_s(lidars, preset)
-    if areas is None:
-        drawn = crossings_of(scene_path(scene).parent, people)
-    else:
-        drawn = read_areas(path_of(areas, "areas"))
+    drawn = (
+        crossings_of(scene_path(scene).parent, people)
+        if areas is None
+        else read_areas(path_of(areas, "areas"))
+    )
     request = Request(
         budget_usd, find, within_m, false_per_minute, poles, lidars_per_pole, people, drawn, years,
         detector, preset, frames, period_s=period_s,
     )  # fmt: skip
     folder = None if out is None else path_of(out, "out")
-    effort = Effort(check_frames, what_if, count, jobs, folder, progress or show_line)
+    effort = Effort(
+        check_frames, count, jobs, folder and folder / "observations", progress or show_line
+    )
     check_request(request, effort, law)
     grid = grid or PoseGrid()
     check_grid(grid)
@@ -212,11 +221,12 @@ def plan(
     # Candidates: poses and LiDARs.
     asked = open_lidars(lidars, site)
     units = affordable(asked, priced, budget_usd)
-    if poses is None:
-        table = make_candidates(site, within_m, grid)
-    else:
-        table = read_candidates(path_of(poses, "poses"), site, grid)
-    table = with_faults(table, site)
+    made = (
+        make_candidates(site, within_m, grid)
+        if poses is None
+        else read_candidates(path_of(poses, "poses"), site, grid)
+    )
+    table = with_faults(made, site)
     setting = Setting(site, request, effort, law, priced, feasible(table, site), units)
     allowed = possible(setting.poses, units, priced, budget_usd)
     if folder is not None:
@@ -242,14 +252,21 @@ def plan(
     options = of_front[of_front.option <= compared.listed].copy()
     every = candidate_table(table, raced.pairs, setting.poses, units)
     answer = answer_of(compared, setting, options, every, moves, sensitivity, counting)
-    front = front_of(compared, of_front, setting)
     prices = lowest_prices(asked, setting.poses, priced)
-    above = {name: usd for name, usd in prices.items() if usd > budget_usd}
     if folder is not None:
-        tables = {"options": options, "front": of_front, "candidates": every}
-        write_tables(folder, tables | {"sensitivity": sensitivity})
+        write_tables(folder, options=options, front=of_front, candidates=every)
+        write_tables(folder, sensitivity=sensitivity)
         write(folder / "answer.txt", "\n".join(answer.lines) + "\n")
         write(folder / "notes.txt", "\n".join(answer.notes) + "\n")
     return Plan(
-        site, request, options, every, sensitivity, answer, front, tuple(units), counting, above
+        site,
+        request,
+        options,
+        every,
+        sensitivity,
+        answer,
+        front_of(compared, of_front, setting),
+        tuple(units),
+        counting,
+        {name: usd for name, usd in prices.items() if usd > budget_usd},
     )

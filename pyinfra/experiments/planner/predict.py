@@ -5,17 +5,14 @@ detectability (replicates over generated sites), its error at a site that the fi
 the frames of the plan (their spread). They are added as variances.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import AnyArray, BoolArray, Float32Array, FloatArray, IntArray
-from pyinfra.experiments.planner.areas import of_name
 from pyinfra.experiments.planner.detectability import (
     CUTS,
     Detectability,
@@ -27,27 +24,38 @@ from pyinfra.experiments.planner.detectability import (
     object_terms,
 )
 from pyinfra.experiments.planner.observe import Objects, Observed
-from pyinfra.experiments.planner.request import Request
+from pyinfra.experiments.planner.request import Request, of_name
 from pyinfra.metrics.comparison import Interval
 
 Z95 = 1.959964
+SIMULATED, PREDICTED = "simulated", "predicted"
 UNKNOWN = Interval(float("nan"), float("nan"), float("nan"))
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
-    """What an option finds by the detectability, in shares (0 to 1) and AP (0 to 100)."""
+class Standing:
+    """The figures of an option that decide. Shares are 0 to 1."""
 
-    recall: Interval  # share of the vehicles within the distance of the request
-    people: Interval  # share of the pedestrians within it; unknown without any
+    recall: Interval  # of the vehicles within the distance of the request
+    people: Interval
+    shares: Mapping[str, Interval]  # of each goal, by its column
+    weighted: float  # share of all objects by their weights
+    false_per_frame: Interval
+    ap: Interval  # of all vehicles of the region, 0 to 100
+    position_m: float  # 95 % of the positions of found vehicles are within this; NaN if predicted
+    source: str  # SIMULATED or PREDICTED
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What an option finds by the detectability."""
+
+    standing: Standing
     areas: dict[str, Interval]  # share of the objects that count in each area of the request
     false_per_frame: Interval
     keeps_false: bool  # whether the asked rate of false boxes can be kept at any score
     cut: float  # score above which a box counts
-    ap: Interval  # AP of all present vehicles of the region
-    shares: dict[str, Interval]  # share of the objects of each further set
     probability: FloatArray  # (objects,) probability that the option finds each object
-    weighted: float  # share of all objects by their weights in the request
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +85,8 @@ def detection_probabilities(
         for cut in np.unique(cuts):
             if of_class is not None:
                 some = rows & (cuts[pair] == cut)
-                p = detection_probability(of_class.detection[0], terms[some], float(cut))
-                out[pair[some], at[some]] = p
+                law_0, here = of_class.detection[0], (pair[some], at[some])
+                out[here] = detection_probability(law_0, terms[some], float(cut))
     return out
 
 
@@ -114,23 +122,25 @@ def predict(
     rates = false_per_frame(law.vehicles.false.T, cut, per_frame)[0]
     logs, rate = np.log(np.maximum(rates, 1e-9)), float(rates[0])
     factor = float(np.exp(_half_width(logs, law.unseen.log_false**2)))
-    return Prediction(
+    false = Interval(rate, rate / factor, rate * factor)  # symmetric in the logarithm
+    standing = Standing(
         recall=share(objects.near_vehicles),
         people=share(objects.near & person),  # even if they do not count in the choice
-        areas={name: share(of_name(request.areas, name, objects.table)) for name in names},
-        false_per_frame=Interval(rate, rate / factor, rate * factor),  # symmetric in the logarithm
-        keeps_false=keeps,
-        cut=cut,
-        ap=_limited(_aps(of_vehicles, law.vehicles, per_frame, objects), 100, law.unseen.ap**2),
         shares={name: share(counted) for name, counted in more.items()},
-        probability=probability[:, 0],
-        weighted=float(probability[:, 0] @ objects.weight / max(objects.weight.sum(), 1e-12)),
+        weighted=float(probability[:, 0] @ objects.weight / objects.total),
+        # If no score keeps false boxes as rare as asked, none makes them rarer than predicted.
+        false_per_frame=false if keeps else replace(false, low=rate),
+        ap=_limited(_aps(of_vehicles, law.vehicles, per_frame, objects), 100, law.unseen.ap**2),
+        position_m=float("nan"),
+        source=PREDICTED,
     )
+    areas = {name: share(of_name(request.areas, name, objects.table)) for name in names}
+    return Prediction(standing, areas, false, keeps, cut, probability[:, 0])
 
 
 def _seen(observed: Observed, units: Sequence[int], counted: BoolArray) -> list[_Seen]:
     rows = observed.seen[counted[observed.seen.object]]
-    parts = [rows[rows.pair == u] for u in units]
+    parts = (rows[rows.pair == u] for u in units)
     return [_Seen(one.object.to_numpy(), object_terms(one)) for one in parts]
 
 
@@ -144,12 +154,13 @@ def _either(seen: Sequence[_Seen], law: Law, cut: float, objects: int) -> FloatA
 
 def _aps(seen: Sequence[_Seen], law: Law, seen_per_frame: float, objects: Objects) -> list[float]:
     """Returns the AP (0 to 100) over all present vehicles, for the fit and its replicates."""
-    count = len(objects.table)
-    every = int((~objects.table.person).sum())
+    every, count = int((~objects.table.person).sum()), len(objects.table)
     true_positives = np.array([_either(seen, law, cut, count).sum(0) for cut in CUTS])
     rates = false_per_frame(law.false.T, np.array(CUTS), seen_per_frame)
-    pairs = zip(true_positives.T, rates.T, strict=True)
-    return [ap_of_counts(detected, objects.frames * rate, every) for detected, rate in pairs]
+    return [
+        ap_of_counts(detected, objects.frames * rate, every)
+        for detected, rate in zip(true_positives.T, rates.T, strict=True)
+    ]
 
 
 def _share(

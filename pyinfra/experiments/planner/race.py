@@ -6,8 +6,6 @@ LiDARs, it stays too if, with its best partner, it may be as good as the best tw
 each position that the user gave always stays.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from scipy import special
@@ -51,8 +49,7 @@ def race(setting: Setting, possible: BoolArray) -> Observed:
         pairs.loc[alive, "frames"] = end
         probability = detection_probabilities(seen, len(pairs), objects, setting.law, request)
         per_frame = frame_sums(probability, objects)
-        total = float(objects.weight.sum())
-        pairs.loc[alive, "recall"] = per_frame[alive].sum(1) / max(total, 1e-12)
+        pairs.loc[alive, "recall"] = per_frame[alive].sum(1) / objects.total
         effort.tell(f"{alive.sum()} pairs of pose and LiDAR, {end} frames")
         if end == ends[-1]:
             break
@@ -99,9 +96,8 @@ def contenders(
         stay[rows[~is_worse(per_frame[rows], per_frame[order[0]], request.keep)]] = True
     if request.units > 1:
         rows = np.flatnonzero(alive)
-        with_partner = partner_sums(probability[rows], objects)
-        best = with_partner[with_partner.sum(1).argmax()]
-        stay[rows[~is_worse(with_partner, best, request.keep)]] = True
+        sums = partner_sums(probability[rows], objects)
+        stay[rows[~is_worse(sums, sums[sums.sum(1).argmax()], request.keep)]] = True
     return stay
 
 
@@ -109,14 +105,12 @@ def partner_sums(probability: Float32Array, objects: Objects) -> FloatArray:
     """Returns the weighted number of objects that each row finds with its best partner."""
     missed = 1 - probability
     both = (missed * objects.weight.astype(np.float32)) @ missed.T
-    partner = both.argmin(1)
-    return frame_sums(1 - missed * missed[partner], objects)
+    return frame_sums(1 - missed * missed[both.argmin(1)], objects)
 
 
 def is_worse(sums: FloatArray, best: FloatArray, confidence: float) -> BoolArray:
     """Returns which rows (n, frames) are below `best` (frames,) by a one-sided paired interval."""
-    gap = best - sums
-    frames = gap.shape[1]
+    gap, frames = best - sums, len(best)
     if frames < 2:
         return np.zeros(len(sums), bool)
     error = gap.std(1, ddof=1) / np.sqrt(frames)
@@ -140,8 +134,6 @@ def limit(stay: BoolArray, pairs: pd.DataFrame, first: int, frames: int) -> Bool
     if stay.sum() <= most:
         return stay
     # Each LiDAR keeps its share, so that no LiDAR is left out before its best pose is known.
-    kept = np.zeros_like(stay)
     rank = pairs.recall.where(stay).groupby(pairs.lidar).rank(ascending=False, method="first")
     order = np.lexsort((-pairs.recall.fillna(-1).to_numpy(), rank.fillna(1e9).to_numpy()))
-    kept[order[:most]] = True
-    return kept & stay
+    return stay & np.isin(np.arange(len(stay)), order[:most])

@@ -1,23 +1,23 @@
-"""What an engineer asks of a plan: requirements, goals, and how much is computed."""
-
-from __future__ import annotations
+"""What an engineer asks of a plan: requirements, areas, goals, and how much is computed."""
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import yaml
 
-from pyinfra.core.arrays import BoolArray
-from pyinfra.core.errors import Error
+from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.progress import show_line
 from pyinfra.core.vocabulary import Preset
 from pyinfra.dataset.frames import PERIOD_S
-from pyinfra.experiments.planner.areas import Area, of_name
+from pyinfra.dataset.roads import Road
 from pyinfra.experiments.planner.detectability import Detectability
 from pyinfra.experiments.planner.site import PlanSite
+from pyinfra.formats.csv_table import check_columns, expect, read_csv
 
 DISTANCES = (1.0, 0.5, 1.5)  # of the request's distance, for which there is a front
 RANGES = {  # of the arguments of `plan` that have one
@@ -32,6 +32,31 @@ RANGES = {  # of the arguments of `plan` that have one
     "check_frames": (0, 5000),
     "jobs": (-1, 1000),
 }
+CLASSES = ("vehicle", "person", "any")
+CROSSINGS = "the crossings"
+BESIDE_M = 10.0  # width beside a carriageway in which people walk
+CROSSING_M = 6.0  # radius around the middle of a crossing of a map
+ENDS = ("low", "high", "in_choice", "in_rain", "simulated")  # of columns of the plan's tables
+AREA_COLUMNS = ("name", "x_m", "y_m", "radius_m")
+
+
+@dataclass(frozen=True)
+class Area:
+    """A disc in the world frame, the objects that count in it, and their weight."""
+
+    name: str
+    x_m: float
+    y_m: float
+    radius_m: float
+    weight: float = 1.0
+    object_class: str = "any"
+
+    def holds(self, objects: pd.DataFrame) -> BoolArray:
+        """Returns which objects (columns x, y, person) count in the area: (n,)."""
+        inside = np.hypot(objects.x - self.x_m, objects.y - self.y_m) <= self.radius_m
+        if self.object_class == "any":
+            return np.asarray(inside)
+        return np.asarray(inside & (objects.person == (self.object_class == "person")))
 
 
 @dataclass(frozen=True)
@@ -74,35 +99,36 @@ class Effort:
     """What a plan computes beyond its race, and how."""
 
     check_frames: int = 30  # frames in which the best options are simulated in full; 0 for none
-    what_if: bool = False  # whether option 1 is also simulated with changes
     count: float | None = None  # share of the passages that option 1 must count; None: no count
     jobs: int = 1  # threads
-    folder: Path | None = None  # of the results; an interrupted plan resumes there
+    observations: Path | None = None  # folder of what was observed, for plans that are resumed
     tell: Callable[[str], None] = show_line  # called with a line for each stage
-
-    @property
-    def observations(self) -> Path | None:
-        """The folder of the observations."""
-        return None if self.folder is None else self.folder / "observations"
 
 
 def check_request(request: Request, effort: Effort, law: Detectability) -> None:
     """Checks what ranges alone do not. Raises Error."""
-    if not 0 <= request.find <= 1:
-        share = f"; it is a share, not percent: {request.find / 100:g}"
-        note = share if 1 < request.find <= 100 else ""
-        raise Error(f"find: expected 0 to 1, got {request.find:g}{note}")
-    if not request.false_per_minute > 0:
-        raise Error(f"false_per_minute: expected more than 0, got {request.false_per_minute}")
-    if effort.jobs == 0:
-        raise Error("jobs: expected 1 or more, or -1 for all cores, got 0")
-    if effort.count is not None and not 0 < effort.count <= 1:
-        raise Error(f"count: expected above 0 to 1, got {effort.count:g}")
-    if request.people > 0 and law.people is None:
-        raise Error(
+    find, count, people = request.find, effort.count, request.people
+    share = f"; it is a share, not percent: {find / 100:g}" if 1 < find <= 100 else ""
+    faults = (
+        (not 0 <= find <= 1, f"find: expected 0 to 1, got {find:g}{share}"),
+        (
+            not request.false_per_minute > 0,
+            f"false_per_minute: expected more than 0, got {request.false_per_minute}",
+        ),
+        (effort.jobs == 0, "jobs: expected 1 or more, or -1 for all cores, got 0"),
+        (
+            count is not None and not 0 < count <= 1,
+            f"count: expected above 0 to 1, got {count or 0:g}",
+        ),
+        (
+            people > 0 and law.people is None,
             f"people: expected 0 for the detector {law.detector}, which detects no pedestrians, "
-            f"got {request.people:g}; generalist detects them"
-        )
+            f"got {people:g}; generalist detects them",
+        ),
+    )
+    for is_fault, text in faults:
+        if is_fault:
+            raise Error(text)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +138,7 @@ class Goal:
     column: str  # the column of its share
     what: str  # vehicles, pedestrians or the name of an area
     within_m: float | None  # None for an area
-    counted: BoolArray  # (objects,)
+    counted: BoolArray = field(default_factory=lambda: np.zeros(0, bool))  # (objects,)
 
 
 def goals_of(
@@ -128,7 +154,7 @@ def goals_of(
         within = factor * request.within_m
         distance = "" if factor == 1 else f"_within_{within:g}_m"
         both = [
-            Goal(f"{prefix}recall{distance}", name, within, np.ones(0, bool))
+            Goal(f"{prefix}recall{distance}", name, within)
             for name, prefix in (("vehicles", ""), ("pedestrians", "people_"))
         ]
         some = with_objects(both, site, objects, law, request)
@@ -137,7 +163,7 @@ def goals_of(
             numbers.add(vehicles)
             goals += some
     names = dict.fromkeys(area.name for area in request.areas)
-    areas = [Goal(f"recall_{name}", name, None, np.ones(0, bool)) for name in names]
+    areas = [Goal(f"recall_{name}", name, None) for name in names]
     goals += with_objects(areas, site, objects, law, request)
     return tuple(one for one in goals if one.counted.any())
 
@@ -162,5 +188,90 @@ def with_objects(
     return tuple(replace(one, counted=counted(one)) for one in goals)
 
 
+def masks_of(goals: Sequence[Goal]) -> dict[str, BoolArray]:
+    """Returns which objects count for each goal, by its column."""
+    return {one.column: one.counted for one in goals}
+
+
 def distances(goals: Sequence[Goal]) -> list[float]:
     return list(dict.fromkeys(one.within_m for one in goals if one.within_m is not None))
+
+
+def read_areas(file: Path) -> tuple[Area, ...]:
+    """Reads areas from a CSV file.
+
+    Columns: name, x_m, y_m, radius_m; optional weight (default 1) and class (vehicle, person or
+    any, the default). Areas of one name are one area. Raises FormatError with file, line, column.
+    """
+    table = read_csv(file, {"name", "class"}, AREA_COLUMNS)
+    check_columns(file, table, [*AREA_COLUMNS, "class", "weight"])
+    if table.empty:
+        raise FormatError(f"{file}: expected one area or more, got none")
+    if "weight" not in table:
+        table["weight"] = 1.0
+    if "class" not in table:
+        table["class"] = "any"
+    table = table.astype(dict.fromkeys((*AREA_COLUMNS[1:], "weight"), float))
+    name = table["name"]
+    expect(file, name, name.notna(), "a name")
+    taken = {f"{stem}{end}" for stem in ("", *(name + "_")) for end in ENDS}
+    free = ~name.isin(taken) & ~name.str.startswith("within_")
+    expect(file, name, free, "a name of which no other column of options.csv is made")
+    for axis in ("x_m", "y_m"):
+        expect(file, table[axis], np.isfinite(table[axis]), "a number")
+    expect(file, table.radius_m, table.radius_m.between(0.1, 1e4), "0.1 to 10000")
+    expect(file, table.weight, table.weight.between(0, 1e4), "0 to 10000")
+    expect(file, table["class"], table["class"].isin(CLASSES), ", ".join(CLASSES))
+    table = table[[*AREA_COLUMNS, "weight", "class"]]
+    return tuple(Area(*row) for row in table.itertuples(index=False, name=None))
+
+
+def check_on_roads(areas: tuple[Area, ...], roads: Sequence[Road]) -> None:
+    """Raises Error for an area that is beside all roads of the evaluation region."""
+    for area in areas:
+        at = area.x_m, area.y_m
+        away = min(float((np.hypot(*(road.xy - at).T) - road.half_width).min()) for road in roads)
+        if away > area.radius_m + BESIDE_M:
+            raise Error(
+                f"areas: expected areas in the evaluation region, got '{area.name}' at "
+                f"({area.x_m:g}, {area.y_m:g}), {away:.0f} m from its nearest road"
+            )
+
+
+def crossings_of(folder: Path, weight: float) -> tuple[Area, ...]:
+    """Returns the pedestrian crossings of an imported map as one area, for people.
+
+    The result is empty without map.yaml. Raises FormatError.
+    """
+    file = folder / "map.yaml"
+    if not file.is_file():
+        return ()
+    try:
+        record = yaml.safe_load(file.read_text(encoding="utf-8")) or {}
+        return tuple(
+            Area(CROSSINGS, float(one["x_m"]), float(one["y_m"]), CROSSING_M, weight, "person")
+            for one in (record.get("features") or {}).get("crossing", ())
+        )
+    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
+        raise FormatError(f"{file}: features: expected lists with x_m and y_m by kind") from error
+
+
+def of_name(areas: tuple[Area, ...], name: str, objects: pd.DataFrame) -> BoolArray:
+    """Returns which objects count in the areas of a name: (n,)."""
+    return np.asarray(np.any([one.holds(objects) for one in areas if one.name == name], axis=0))
+
+
+def weighted(
+    objects: pd.DataFrame, near: BoolArray, people: float, areas: tuple[Area, ...]
+) -> FloatArray:
+    """Returns the weights of objects (n,): 1 for a vehicle that is near, `people` for a pedestrian.
+
+    In an area it is the largest weight of the areas there.
+    """
+    out = np.asarray(np.where(objects.person, people, 1.0) * near)
+    inside = np.zeros(len(out), bool)
+    for area in areas:
+        here = area.holds(objects)
+        out[here] = np.where(inside[here], np.maximum(out[here], area.weight), area.weight)
+        inside |= here
+    return out

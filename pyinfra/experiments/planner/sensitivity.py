@@ -5,11 +5,10 @@ simulated again in the same frames with a changed mast, traffic, weather or sens
 differences are paired.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import chain, product
 
 import numpy as np
 import pandas as pd
@@ -19,12 +18,12 @@ from pyinfra.dataset.loading import with_meshes
 from pyinfra.experiments.planner.check import near_vehicles, paired, share, simulate
 from pyinfra.experiments.planner.choice import Choice, Units
 from pyinfra.experiments.planner.observe import Setting, observed_again
-from pyinfra.experiments.planner.predict import UNKNOWN, predict
+from pyinfra.experiments.planner.predict import PREDICTED, SIMULATED, UNKNOWN, predict
 from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.simulate import Found, Parts, simulate_option
 from pyinfra.experiments.planner.site import PlanSite, other_traffic
 from pyinfra.experiments.planner.tables import ends
-from pyinfra.experiments.planner.verdict import PREDICTED, SIMULATED, Compared, in_order
+from pyinfra.experiments.planner.verdict import Compared, in_order
 from pyinfra.metrics.comparison import Interval
 
 COLUMNS = [
@@ -33,6 +32,7 @@ COLUMNS = [
 ]  # fmt: skip
 RAIN_MM_PER_H = 25.0  # heavy rain
 RAIN = f"rain {RAIN_MM_PER_H:g} mm/h"
+IN_RAIN = {"weather.rain_mm_per_h": RAIN_MM_PER_H}
 RAIN_FRAMES = 24
 FURTHER_M, LOWER_M, TILT_DEG, YAW_DEG = 2.0, 0.5, 0.5, 0.5
 LANE_M = 3.5
@@ -81,8 +81,7 @@ def cases_of(site: PlanSite, parts: Parts) -> list[Case]:
 
     def further(pose: FloatArray) -> FloatArray:
         away = pose[:2] - site.centre
-        step = FURTHER_M * away / max(float(np.hypot(*away)), 1e-9)
-        return np.concatenate([pose[:2] + step, pose[2:]])
+        return np.append(pose[:2] + FURTHER_M * away / max(np.hypot(*away), 1e-9), pose[2:])
 
     cases = [
         Case(f"mast {FURTHER_M:g} m further from the centre", further),
@@ -98,8 +97,7 @@ def cases_of(site: PlanSite, parts: Parts) -> list[Case]:
     if density and not site.recorded:
         cases.append(Case("twice the traffic", scene={DENSITY: min(100.0, 2 * density)}))
     if site.has_weather:
-        cases.append(Case(RAIN, scene={"weather.rain_mm_per_h": RAIN_MM_PER_H}))
-        cases.append(Case("night", scene={"weather.sunlight_klux": 0}))
+        cases += [Case(RAIN, scene=IN_RAIN), Case("night", scene={"weather.sunlight_klux": 0})]
     if len(parts) > 1:
         cases += [Case(f"LiDAR {k + 1} lost", lost=k) for k in range(len(parts))]
     return cases
@@ -114,40 +112,37 @@ def standing_lorry(site: PlanSite, mast: FloatArray) -> Case:
     middle = (mast + site.centre) / 2
     road = min(site.roads, key=lambda one: np.hypot(*(one.xy - middle).T).min())
     k = int(np.hypot(*(road.xy - middle).T).argmin())
-    left = np.array([-np.sin(road.heading[k]), np.cos(road.heading[k])])
+    along = np.array([np.cos(road.heading[k]), np.sin(road.heading[k])])
+    left = np.array([-along[1], along[0]])
     aside = max(0.0, float(road.half_width[k]) - LANE_M / 2)
     at = road.xy[k] + left * aside * np.sign((mast - road.xy[k]) @ left)
-    along = np.array([np.cos(road.heading[k]), np.sin(road.heading[k])])
     length, width, height = LORRY_SIZE_M
     foot = [
         at + a * length / 2 * along + b * width / 2 * left
         for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
     ]
-    z = float(road.z[k])
-    corners = [[*xy, z + h] for h in (CLEARANCE_M, height) for xy in foot]
-    meshes = with_meshes(site.file, [("structure", corners, BOX_FACES)])
-    return Case("a lorry standing in a lane", scene={"meshes": meshes}, without=(at[0], at[1]))
+    corners = [[*xy, float(road.z[k]) + h] for h in (CLEARANCE_M, height) for xy in foot]
+    scene = {"meshes": with_meshes(site.file, [("structure", corners, BOX_FACES)])}
+    return Case("a lorry standing in a lane", scene=scene, without=(at[0], at[1]))
 
 
 def moves_of(compared: Compared, request: Request) -> list[Move]:
     """Returns the choice among the options with other prices."""
     moves = []
-    for prices in PRICES:
-        for percent in PERCENT:
-            changed = with_prices(compared.units, prices, 1 + percent / 100)
-            again = [replace(one, price=changed.price(one.units)) for one in compared.options]
-            within = [one for one in again if one.price.middle <= request.budget_usd]
-            then = in_order(within, compared.standings, request)
-            moves.append(Move(prices, percent, then[0] if then else None))
+    for prices, percent in product(PRICES, PERCENT):
+        changed = with_prices(compared.units, prices, 1 + percent / 100)
+        again = [replace(one, price=changed.price(one.units)) for one in compared.options]
+        within = [one for one in again if one.price.middle <= request.budget_usd]
+        then = in_order(within, compared.standings, request)
+        moves.append(Move(prices, percent, next(iter(then), None)))
     return moves
 
 
 def with_prices(units: Units, prices: str, factor: float) -> Units:
     """Returns the units with one kind of prices multiplied by a factor."""
     of_lidars, items = PRICES[prices]
-    lidars = units.lidars
-    if of_lidars:
-        lidars = [replace(one, price_usd=one.price_usd * factor) for one in lidars]
+    of_lidar = factor if of_lidars else 1.0
+    lidars = [replace(one, price_usd=one.price_usd * of_lidar) for one in units.lidars]
     lines = {
         item: line * factor if item in items else line for item, line in units.costs.lines.items()
     }
@@ -171,14 +166,12 @@ def recall_in_rain(compared: Compared, setting: Setting) -> list[Interval]:
     """
     if not setting.site.has_weather:
         return []
-    frames = min(setting.request.frames, RAIN_FRAMES)
-    wet_site = other_traffic(setting.site, frames, {"weather.rain_mm_per_h": RAIN_MM_PER_H})
+    wet_site = other_traffic(setting.site, min(setting.request.frames, RAIN_FRAMES), IN_RAIN)
     options = [one.units for one in compared.options[: compared.listed]]
-    units = {unit for one in options for unit in one}
-    rainy = observed_again(setting, wet_site, compared.unseen.stayed, units)
+    rainy = observed_again(setting, wet_site, compared.unseen.stayed, chain(*options))
     if not rainy.objects.near_vehicles.any():
         return []
-    return [predict(rainy, one, setting.law, setting.request).recall for one in options]
+    return [predict(rainy, one, setting.law, setting.request).standing.recall for one in options]
 
 
 Row = dict[str, object]
@@ -213,7 +206,7 @@ def computed_rows(
             yield case_row(compared, case, move.choice, then.recall, then.source)
     for case, lost in losses(first, compared.units).items():
         left = tuple(u for u in first.units if u not in lost)
-        recall = compared.predicted(left).recall if left else Interval(0.0, 0.0, 0.0)
+        recall = compared.predicted(left).standing.recall if left else Interval(0.0, 0.0, 0.0)
         yield case_row(compared, case, first, recall, PREDICTED)
     for recall in in_rain:
         yield case_row(compared, RAIN, first, recall, PREDICTED)
@@ -230,13 +223,16 @@ def simulated_rows(
     before = found.get(first.units) or simulate(first, compared, setting)
     site, request, cut = setting.site, setting.request, compared.predicted(first.units).cut
     for case in cases_of(site, parts):
-        kept = [one for k, one in enumerate(parts) if k != case.lost]
-        moved = [(case.move(np.array(pose, float)).tolist(), lidar) for pose, lidar in kept]
+        moved = [
+            (case.move(np.array(pose, float)).tolist(), lidar)
+            for k, (pose, lidar) in enumerate(parts)
+            if k != case.lost
+        ]
         after = simulate_option(
             site, moved, request.detector, cut, setting.effort.check_frames,
             scene=case.scene, yaw_error_deg=case.yaw_error_deg,
         )  # fmt: skip
-        then, now = (away_from(one, case.without) for one in (after, before))
+        now, then = (away_from(one, case.without) for one in (before, after))
         recall = share(then, near_vehicles(then, site, request.within_m))
         change = paired(now, then, site, request.within_m)
         yield case_row(compared, case.name, first, recall, SIMULATED, change)

@@ -8,8 +8,6 @@ A share of vehicles that are found in a frame says little about counts: a vehicl
 some frames is counted if its track continues. For counts, an option is simulated without gaps.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Mapping, Sequence
@@ -90,21 +88,20 @@ def simulate_option(
     turned alternately to the left and to the right.
     """
     tables, false, aps, start = [], [], [], 0
+    replicates = FEWEST if yaw_error_deg else REPLICATES  # with an error there are no intervals
     for seed, numbers in traffic or traffic_of(site, frames):
+        alone = [frames_at(site, *part, numbers, seed=seed, scene=scene) for part in parts]
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", ".* used on frames")  # the answer says it once
-            result = measure(
-                site, parts, numbers, detector, seed=seed, scene=scene, yaw_error_deg=yaw_error_deg
-            )
+            result = measure_frames(fused(alone, yaw_error_deg), detector, replicates)
         at = {number: start + k for k, number in enumerate(sorted(numbers))}
         start += len(numbers)
         for one in (result.vehicles, result.people):
             if one is not None:
                 objects = _objects(one, cut)
                 tables.append(objects.assign(frame=objects.frame.map(at)))
-        boxes = result.vehicles.matches
-        wrong = boxes[(boxes.outcome == "false positive") & (boxes.score >= cut)]
-        false.append(wrong.groupby("frame").size().reindex(sorted(numbers), fill_value=0))
+        boxes = result.vehicles.matches.query("outcome == 'false positive' and score >= @cut")
+        false.append(boxes.groupby("frame").size().reindex(sorted(numbers), fill_value=0))
         aps.append(result.vehicles.ap.iloc[0])
     every = pd.concat(tables, ignore_index=True)
     away = every.away[every.found & ~every.person]
@@ -125,17 +122,21 @@ def _objects(result: Evaluation, cut: float) -> pd.DataFrame:
         {"frame": numbers[vehicles.frame], "object_id": vehicles.ids, "true_x": xy[:, 0],
          "true_y": xy[:, 1], "person": np.array(vehicles.names) == "Pedestrian"}
     )  # fmt: skip
-    matches = result.matches[result.matches.outcome.isin(["true positive", "missed"])]
-    rows = matches.merge(truth, on=["frame", "object_id"])
-    found = (rows.outcome == "true positive") & (rows.score >= cut)
+    rows = result.matches.query("outcome in ('true positive', 'missed')")
+    rows = rows.merge(truth, on=["frame", "object_id"])
     world = rows[["true_x", "true_y"]].to_numpy(float)
     if (lidar := result.truth.lidar) is not None:
         world = to_world(world, lidar.T_world_levelled)
-    away = np.hypot(rows.x - rows.true_x, rows.y - rows.true_y)
     return pd.DataFrame(
-        {"frame": rows.frame, "person": rows.person, "x": world[:, 0],
-         "y": world[:, 1], "found": found, "away": away}
-    )  # fmt: skip
+        {
+            "frame": rows.frame,
+            "person": rows.person,
+            "x": world[:, 0],
+            "y": world[:, 1],
+            "found": (rows.outcome == "true positive") & (rows.score >= cut),
+            "away": np.hypot(rows.x - rows.true_x, rows.y - rows.true_y),
+        }
+    )
 
 
 def _mean_ap(rows: Sequence[pd.Series]) -> Interval:
@@ -189,37 +190,15 @@ def frames_at(
     return sequence
 
 
-def measure(
-    site: PlanSite,
-    units: Sequence[tuple[Sequence[float], simulation.Lidar]],
-    numbers: Sequence[int],
-    detector: str = "generalist",
-    *,
-    seed: int | None = None,
-    scene: Mapping[str, object] | None = None,
-    yaw_error_deg: float = 0.0,
-) -> Measured:
-    """Simulates an option, fused where it has several LiDARs, and evaluates a detector.
-
-    scene: overrides of keys of the scene. yaw_error_deg: error of the assumed yaw of each LiDAR.
-    With an error there are no intervals.
-    """
-    alone = [frames_at(site, pose, lidar, numbers, seed=seed, scene=scene) for pose, lidar in units]
-    replicates = FEWEST if yaw_error_deg else REPLICATES
-    return measure_frames(fused(alone, yaw_error_deg), detector, replicates)
-
-
 def measure_frames(
     frames: SimulatedFrames, detector: str, replicates: int = REPLICATES
 ) -> Measured:
     """Evaluates a detector on the frames of an option."""
     detections = detect(detector_for(frames, detector), frames)
     vehicles = evaluated(frames, detections, replace(VEHICLES, replicates=replicates))
-    types = vehicles.truth.vehicles.names
-    people = None
-    if "Pedestrian" in types and detector != "background":
-        people = evaluated(frames, detections, replace(PEOPLE, replicates=replicates))
-    return Measured(vehicles, people)
+    if "Pedestrian" not in vehicles.truth.vehicles.names or detector == "background":
+        return Measured(vehicles, None)
+    return Measured(vehicles, evaluated(frames, detections, replace(PEOPLE, replicates=replicates)))
 
 
 def detector_for(frames: SimulatedFrames, detector: str) -> TrainedDetector | Background:
@@ -229,9 +208,8 @@ def detector_for(frames: SimulatedFrames, detector: str) -> TrainedDetector | Ba
     every = [k for k in frames.known if k not in set(frames.numbers)]
     if not every:
         raise Error("detector: expected frames to learn the background from, got none")
-    step = max(1, len(every) // LEARNING_FRAMES)
-    learning = frames.of(every[::step][:LEARNING_FRAMES])
-    clouds = [frame.points for frame in learning]
+    learning = every[:: max(1, len(every) // LEARNING_FRAMES)][:LEARNING_FRAMES]
+    clouds = [frame.points for frame in frames.of(learning)]
     return Background.learn(clouds, DEFAULT, frames.region, frames.ground)
 
 
@@ -265,10 +243,8 @@ def count_option(site: PlanSite, parts: Parts, detector: str, seconds: float = S
     """
     frames = max(2, min(round(seconds / site.period_s), site.every_frame))
     first = site.every_frame - frames if site.recorded else 0
-    numbers = range(first, first + frames)
-    seed = site.other_seed if site.recorded else site.other_seed + 1
-    alone = [frames_at(site, pose, lidar, numbers, seed=seed) for pose, lidar in parts]
-    sequence = fused(alone)
+    numbers, seed = range(first, first + frames), site.other_seed + (not site.recorded)
+    sequence = fused([frames_at(site, *part, numbers, seed=seed) for part in parts])
     try:
         lines = lines_of(sequence)
     except Error:

@@ -1,7 +1,5 @@
 """The site of a plan: its roads, the objects that count, and the frames that are observed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -69,10 +67,6 @@ class PlanSite:
         return self.observed.built
 
     @property
-    def mount_keys(self) -> dict[str, float]:
-        return dict(self.keys["mounts"][self.mount])
-
-    @property
     def recorded(self) -> bool:
         """Whether the vehicles follow a file of trajectories, which no seed changes."""
         return bool(self.keys.get("trajectories"))
@@ -89,8 +83,8 @@ class PlanSite:
 
     def is_near(self, objects: pd.DataFrame, within_m: float) -> BoolArray:
         """Returns which objects (columns x, y) are within a distance of the centre: (n,)."""
-        away = np.hypot(objects.x - self.centre[0], objects.y - self.centre[1])
-        return np.asarray(away <= within_m)
+        x, y = self.centre
+        return np.asarray(np.hypot(objects.x - x, objects.y - y) <= within_m)
 
     def other_frames(self, count: int) -> tuple[int, ...]:
         """Returns frames for what follows the choice; of recorded traffic, later ones."""
@@ -123,8 +117,12 @@ def open_site(
         check_metres(file.parent, np.array([centre_m]), "centre_m")
     count = world.frames_of(period_s)
     order = frame_order(choice_end(keys, count), frames)
-    load = partial(simulation.load_observer, file, order, preset=preset, seed=seed)
-    observed = SiteObserver(partial(load, mount=mount, period_s=period_s))
+    observed = SiteObserver(
+        partial(
+            simulation.load_observer, file, order, preset=preset, seed=seed, mount=mount,
+            period_s=period_s,
+        )
+    )  # fmt: skip
     roads = tuple(roads_of_world(world, f"{file.name}: roads"))
     present = present_objects(observed.built, order)
     if present.empty:
@@ -133,10 +131,9 @@ def open_site(
             "`traffic`, `trajectories` or `people` of the scene file add objects"
         )
     centre = np.array(centre_m if centre_m else middle_of(keys, roads, file.parent / NET))
-    name = str(keys.get("name", file.stem))
     return PlanSite(
-        file, name, preset, seed, mount, keys, roads, count, order, present, centre, observed,
-        period_s,
+        file, str(keys.get("name", file.stem)), preset, seed, mount, keys, roads, count, order,
+        present, centre, observed, period_s,
     )  # fmt: skip
 
 
@@ -149,11 +146,20 @@ def other_traffic(
     overrides of keys, as in `simulation.load_scene`.
     """
     frames, seed = site.other_frames(count), site.other_seed
-    load = partial(simulation.load_observer, site.file, frames, preset=site.preset, seed=seed)
-    observed = SiteObserver(partial(load, mount=site.mount, set=scene_keys, period_s=site.period_s))
-    present = present_objects(observed.built, frames)
-    keys = site.keys | dict(scene_keys or {})
-    return replace(site, seed=seed, keys=keys, frames=frames, present=present, observed=observed)
+    observed = SiteObserver(
+        partial(
+            simulation.load_observer, site.file, frames, preset=site.preset, seed=seed,
+            mount=site.mount, set=scene_keys, period_s=site.period_s,
+        )
+    )  # fmt: skip
+    return replace(
+        site,
+        seed=seed,
+        keys=site.keys | dict(scene_keys or {}),
+        frames=frames,
+        present=present_objects(observed.built, frames),
+        observed=observed,
+    )
 
 
 def choice_end(keys: dict[str, Any], count: int) -> int:
@@ -171,15 +177,14 @@ def scene_path(scene: StrPath) -> Path:
             f"scene: expected a scene file or the folder of a site, got the map '{scene}'; "
             "`pyinfra site import` makes a site of it"
         )
-    shipped = {file.stem: file for file in (configs() / "scenes").glob("*.yaml")}
-    return file_or_name(scene, shipped, "scene")
+    shipped = (configs() / "scenes").glob("*.yaml")
+    return file_or_name(scene, {file.stem: file for file in shipped}, "scene")
 
 
 def first_mount(file: Path, preset: str) -> str:
     """Returns the name of the scene's first mount; empty if the file does not name it."""
-    text = yaml.safe_load(file.read_text(encoding="utf-8"))
-    plain = text if isinstance(text, dict) else {}
-    mounts = plain.get("mounts")
+    keys = yaml.safe_load(file.read_text(encoding="utf-8"))
+    mounts = keys.get("mounts") if isinstance(keys, dict) else None
     return str(next(iter(mounts))) if isinstance(mounts, dict) and mounts else ""
 
 
@@ -215,10 +220,9 @@ def middle_of(keys: dict[str, Any], roads: tuple[Road, ...], net: Path) -> Float
     """
     mount = next(iter(keys["mounts"].values()))
     foot = np.array([mount["x_m"], mount["y_m"]])
-    named = [one for one in keys.get("junctions") or [] if one.get("roads")]
-    middle = junction_middle(named[0], roads) if named else None
-    if middle is not None:
-        return middle
+    for junction in [one for one in keys.get("junctions") or [] if one.get("roads")][:1]:
+        if (middle := junction_middle(junction, roads)) is not None:
+            return middle
     junctions = read_network(net, lanes=False).junctions if net.is_file() else []
     near = [(n, -math.dist(at, foot), *at) for n, *at in junctions if math.dist(at, foot) < NEAR_M]
     if near:

@@ -1,10 +1,8 @@
 """The files of a plan's folder: the record of the request, the tables, and the answer."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +16,9 @@ from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.costs import PlanLidar
 from pyinfra.experiments.planner.observe import Setting
-from pyinfra.experiments.planner.predict import UNKNOWN, Prediction
+from pyinfra.experiments.planner.predict import SIMULATED, UNKNOWN, Prediction, Standing
 from pyinfra.experiments.planner.request import Request
-from pyinfra.experiments.planner.verdict import SIMULATED, Compared, Standing, verdict
+from pyinfra.experiments.planner.verdict import Compared, verdict
 from pyinfra.formats.yaml_file import read_keys
 from pyinfra.metrics.comparison import Interval
 
@@ -81,12 +79,11 @@ def _digest(value: object) -> str:
     return hashlib.sha256(repr(value).encode()).hexdigest()[:12]
 
 
-def write_tables(folder: Path, tables: Mapping[str, pd.DataFrame]) -> None:
+def write_tables(folder: Path, **tables: pd.DataFrame) -> None:
     """Writes NAME.csv of each table. `existing` is yes or no, so that rows can be poses."""
     for name, table in tables.items():
         if "existing" in table:
-            words = np.where(table.existing.to_numpy(bool), "yes", "no")
-            table = table.assign(existing=words)
+            table = table.assign(existing=np.where(table.existing.to_numpy(bool), "yes", "no"))
         write(folder / f"{name}.csv", table.to_csv(index=False, float_format="%.6g"))
 
 
@@ -133,22 +130,23 @@ def option_table(compared: Compared, setting: Setting, in_rain: Sequence[Interva
             )
     table = pd.DataFrame(rows)
     if setting.site.has_weather:
-        by_option = {k: 100 * share.value for k, share in enumerate(in_rain, start=1)}
-        table["recall_in_rain"] = table.option.map(by_option)
+        table["recall_in_rain"] = table.option.map(
+            {k: 100 * share.value for k, share in enumerate(in_rain, start=1)}
+        )
     return table
 
 
 def _figures(before: Prediction, now: Standing, request: Request) -> dict[str, object]:
     """Returns the columns of what an option finds: what decides, predicted and simulated."""
     done = now.source == SIMULATED
+    law = before.standing
     shares = {
-        "recall": before.recall,
-        "people_recall": before.people,
-        **before.shares,
+        "recall": law.recall,
+        "people_recall": law.people,
+        **law.shares,
         **{f"recall_{name}": one for name, one in before.areas.items()},
     }
-    after = {"recall": now.recall, "people_recall": now.people, **now.shares}
-    simulated = {f"{name}_simulated": one if done else UNKNOWN for name, one in after.items()}
+    simulated = {"recall": now.recall, "people_recall": now.people, **now.shares}
     return {
         "verdict": verdict(now, request),
         **ends("share", now.recall, 100),
@@ -158,8 +156,12 @@ def _figures(before: Prediction, now: Standing, request: Request) -> dict[str, o
         **ends("false_per_frame", before.false_per_frame),
         "score": before.cut,
         "keeps_false": before.keeps_false,
-        **ends("ap_predicted", before.ap),
-        **{key: x for name, one in simulated.items() for key, x in ends(name, one, 100).items()},
+        **ends("ap_predicted", law.ap),
+        **{
+            key: x
+            for name, one in simulated.items()
+            for key, x in ends(f"{name}_simulated", one if done else UNKNOWN, 100).items()
+        },
         **ends("false_per_frame_simulated", now.false_per_frame if done else UNKNOWN),
         **ends("ap_simulated", now.ap if done else UNKNOWN),
         "position_m_simulated": now.position_m,
@@ -175,13 +177,18 @@ def candidate_table(
     """
     columns = ["kind", "existing", *POSE, "height_m"]
     observed = poses[columns].iloc[pairs.pose].reset_index(drop=True)
-    observed["lidar"] = [lidars[i].name for i in pairs.lidar]
-    observed["frames"], observed["recall"] = pairs.frames, 100 * pairs.recall
-    observed["left_out"] = pairs.left_out
-    order = observed.sort_values("recall", ascending=False, kind="stable")
+    observed = observed.assign(
+        lidar=[lidars[i].name for i in pairs.lidar],
+        frames=pairs.frames,
+        recall=100 * pairs.recall,
+        left_out=pairs.left_out,
+    )
     faulty = table[table.fault != ""]
-    others = faulty[columns].assign(lidar="", frames=0, recall=np.nan, left_out=faulty.fault)
-    return pd.concat([part for part in (order, others) if len(part)], ignore_index=True)
+    parts = (
+        observed.sort_values("recall", ascending=False, kind="stable"),
+        faulty[columns].assign(lidar="", frames=0, recall=np.nan, left_out=faulty.fault),
+    )
+    return pd.concat([part for part in parts if len(part)], ignore_index=True)
 
 
 def units_at(
@@ -189,5 +196,5 @@ def units_at(
 ) -> list[tuple[list[float], simulation.Lidar]]:
     """Returns pose and LiDAR of each unit of an option of the table."""
     units = {lidar.name: lidar.unit for lidar in lidars}
-    rows = options[options.option == number]
-    return [(list(row[POSE].to_numpy(float)), units[row.lidar]) for _, row in rows.iterrows()]
+    rows = options[options.option == number].iterrows()
+    return [(list(row[POSE].to_numpy(float)), units[row.lidar]) for _, row in rows]

@@ -4,45 +4,18 @@ The share is measured where an option was simulated in full, and predicted elsew
 order, tables, page and sentences all use it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 from pyinfra.experiments.planner.choice import Choice, Units
 from pyinfra.experiments.planner.observe import Observed
-from pyinfra.experiments.planner.predict import Prediction
+from pyinfra.experiments.planner.predict import SIMULATED, Prediction, Standing
 from pyinfra.experiments.planner.request import Goal, Request
-from pyinfra.metrics.comparison import Interval
 
-Standings = Mapping[tuple[int, ...], "Standing"]
+Standings = Mapping[tuple[int, ...], Standing]
 Verdict = Literal["met", "not known", "not met"]
 LISTED = 3  # options that are described in full
-SIMULATED, PREDICTED = "simulated", "predicted"
-
-
-@dataclass(frozen=True, eq=False)
-class Standing:
-    """The figures of an option that decide. Shares are 0 to 1."""
-
-    recall: Interval  # of the vehicles within the distance of the request
-    people: Interval
-    shares: Mapping[str, Interval]  # of each goal, by its column
-    weighted: float  # share of all objects by their weights
-    false_per_frame: Interval
-    ap: Interval  # of all vehicles of the region, 0 to 100
-    position_m: float  # 95 % of the positions of found vehicles are within this; NaN if predicted
-    source: str  # SIMULATED or PREDICTED
-
-    @staticmethod
-    def predicted(one: Prediction) -> Standing:
-        false = one.false_per_frame
-        if not one.keeps_false:  # no score makes false boxes rarer
-            false = replace(false, low=false.value)
-        return Standing(
-            one.recall, one.people, one.shares, one.weighted, false, one.ap, float("nan"), PREDICTED
-        )
 
 
 @dataclass(frozen=True, eq=False)

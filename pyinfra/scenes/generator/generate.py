@@ -8,6 +8,7 @@ changes little in the other parts.
 import numpy as np
 
 from pyinfra.core.errors import Error
+from pyinfra.core.vocabulary import KM_H
 from pyinfra.scenes.generator.furniture import Furniture
 from pyinfra.scenes.generator.layout import LAYOUTS, FreeSpace, Keys, Layout, PlannedRoad, varied
 from pyinfra.scenes.generator.parking import Parking
@@ -188,7 +189,7 @@ def _traffic(seed: int, road_type: RoadType, ranges: Ranges, layout: Layout) -> 
     stream, fleet = RandomStream(seed, "traffic"), RandomStream(seed, "fleet")
     radius = min(_inner_radius(road) for road in layout.roads)
     width = min(road.keys["lanes"]["width_m"] for road in layout.roads)
-    fastest = 3.6 * float(np.sqrt(ranges.lateral_m_s2 * radius))
+    fastest = KM_H * float(np.sqrt(ranges.lateral_m_s2 * radius))
     speed = min(stream.within(road_type.speed_km_h, 1), round(fastest, 1))
     shares = {name: stream.within(weight, 3) for name, weight in road_type.classes.items()}
     if (frequent := fleet.one_of(ranges.fleets)) in shares:

@@ -10,8 +10,8 @@ import pandas as pd
 from pyinfra.core.version import __version__
 from pyinfra.experiments.planner.front import CELL_M, Cells, Front
 from pyinfra.experiments.planner.plan import Plan
+from pyinfra.experiments.planner.predict import SIMULATED
 from pyinfra.experiments.planner.request import distances
-from pyinfra.experiments.planner.verdict import SIMULATED
 from pyinfra.viz.plan_page.site_map import site_map, window_of
 
 FORMAT = 4  # of the file of the data

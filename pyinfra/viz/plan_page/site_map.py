@@ -16,7 +16,7 @@ import pandas as pd
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.boxes import footprints
 from pyinfra.dataset.surroundings import Lanes, Surroundings, road_lines
-from pyinfra.experiments.planner.areas import Area
+from pyinfra.experiments.planner.request import Area
 from pyinfra.experiments.planner.site import PlanSite, junction_middle
 from pyinfra.formats.ply import read_ply
 from pyinfra.scenes.generator.layout import PlannedRoad

@@ -19,6 +19,7 @@ from pyinfra.core.arrays import (
 )
 from pyinfra.core.errors import FormatError
 from pyinfra.core.progress import track
+from pyinfra.core.vocabulary import KM_H
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions, read_vehicles
 from pyinfra.dataset.frame_sequence import SimulatedFrames
 from pyinfra.dataset.frames import PERIOD_S
@@ -31,7 +32,6 @@ from pyinfra.metrics.prediction_checks import find_files
 from pyinfra.tracking.table_file import read_tracks
 
 TRAIL_S = 3.0  # length of the drawn path of a track
-KM_H = 3.6
 
 
 @dataclass(frozen=True, eq=False)
