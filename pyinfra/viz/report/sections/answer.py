@@ -237,7 +237,7 @@ def _rest(material: Material, rows: pd.DataFrame, best: pd.Series, truth: str) -
 
 
 def _one_detector(material: Material) -> bool:
-    return material.results.table("experiments").detector.nunique() == 1
+    return bool(material.results.table("experiments").detector.nunique() == 1)
 
 
 def _name(material: Material, row: pd.Series) -> str:
