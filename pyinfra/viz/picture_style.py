@@ -12,6 +12,7 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -44,6 +45,14 @@ QUALITIES = (
     Quality("high: more than 20", np.inf, "#00205B", "-", 1.6),
 )
 PEOPLE = Quality("people", np.inf, "#009E73", "-", 1.1)
+
+
+def in_chart(low: pd.Series, drawn: pd.Series) -> pd.Series:
+    """Returns which intervals end above the floor of a logarithmic chart of positive values.
+
+    low: lower ends of the intervals; drawn: all values of the chart.
+    """
+    return low > 0.5 * drawn[drawn > 0].min()
 
 
 def save(figure: Figure, file: Path, dpi: int = DPI) -> None:

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 
 from pyinfra.core.files import replacing
 from pyinfra.metrics.scanning_tables import QUALITIES
+from pyinfra.viz.picture_style import in_chart
 
 LINES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 3)))
 MARKERS = "osD^vPX*"
@@ -57,9 +58,9 @@ def points_per_vehicle(table: pd.DataFrame) -> Figure:
             lidar = lidar[lidar.apv > 0]
             middle = (lidar.from_m + lidar.to_m) / 2
             ax.plot(middle, lidar.apv, label=name, markersize=4, **_line(name, table))
-            known = lidar.ci_low > 0.5 * part.apv[part.apv > 0].min()
+            shown = in_chart(lidar.ci_low, part.apv)
             style = {"alpha": 0.2, "color": _colour(name, table)}
-            ax.fill_between(middle, lidar.ci_low, lidar.ci_high, known, **style)
+            ax.fill_between(middle, lidar.ci_low, lidar.ci_high, shown, **style)
         ax.set(
             yscale="log" if (table.apv > 0).any() else "linear",
             xlim=(table.from_m.min(), table.to_m.max()),

@@ -11,6 +11,7 @@ from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics import scanning_tables
 from pyinfra.metrics.observations import blocks_of, read_observations
 from pyinfra.metrics.scanning_statistics import sets_of
+from pyinfra.viz.picture_style import in_chart
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Figure, Panel, Section
 from pyinfra.viz.report.names import in_order
@@ -83,8 +84,8 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
             middle, look = (curve.from_m + curve.to_m) / 2, material.names.look(lidar)
             ax.plot(middle, curve.apv, markersize=3, linewidth=1.2, **look.style())
             style: dict[str, Any] = {"color": look.colour, "alpha": 0.18, "linewidth": 0}
-            known = curve.ci_low > 0.5 * rows.apv.min()
-            ax.fill_between(middle, curve.ci_low, curve.ci_high, known, **style)
+            shown = in_chart(curve.ci_low, rows.apv)
+            ax.fill_between(middle, curve.ci_low, curve.ci_high, shown, **style)
         ax.set(yscale="log", xlabel="horizontal distance (m)", ylabel="points per vehicle")
         log_ticks(ax.yaxis)
         label = f"Points per vehicle by distance, {title}, preset {first.preset}"
