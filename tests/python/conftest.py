@@ -1,5 +1,6 @@
 """Fixtures for the tests of the `infrasim` binary of this Python environment."""
 
+import gc
 import hashlib
 import html
 import os
@@ -21,6 +22,9 @@ os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"  # must be set before test
 # Threads of small operations mostly wait for each other, and detectors use one thread
 # (network.one_thread).
 os.environ["OMP_NUM_THREADS"] = "1"
+
+# With Python's own threshold, looking for cycles takes a twentieth of the tests' time.
+gc.set_threshold(50_000)
 
 ROOT = Path(__file__).resolve().parents[2]
 BINARY = Path(sys.executable).with_name("infrasim")
