@@ -8,7 +8,10 @@ the frame numbers of each LiDAR. The files stay unchanged when the generator cha
 of a detector are therefore tested on the same frames. Training never uses the seeds of these sites.
 """
 
+from __future__ import annotations
+
 import csv
+import itertools
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -18,6 +21,7 @@ import numpy as np
 import yaml
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import ObjectClass
 from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import lidar_file
@@ -71,13 +75,21 @@ def calibration_visits(sites: int) -> Iterator[tuple[Keys, list[Visit]]]:
     """Yields the scene keys and the visits of sites that neither training nor tests use.
 
     A fourth of the sites are streets with much street furniture. Their LiDARs are those of the
-    training.
+    training. Sites that the simulator refuses are left out.
     """
     trained = lidar_catalogue.sensors(without=HELD_OUT, presets={PRESET: 1.0})
-    for seed in range(CALIBRATION_SITE, CALIBRATION_SITE + sites):
+    made = 0
+    for seed in itertools.count(CALIBRATION_SITE):
+        if made == sites:
+            return
         random = np.random.default_rng(seed)
         keys = make_site(seed, CLUTTERED if seed % 4 == 3 else RANGES) | {"label_time": "scan"}
-        world = simulation.make_world(keys)
+        try:
+            world = simulation.make_world(keys)
+        except Error as error:
+            print(f"site {seed}: left out: {error}", flush=True)
+            continue
+        made += 1
         visits = []
         for lidar in trained.draw(random, LIDARS):
             count = world.frames_of(lidar.period_s)

@@ -1,11 +1,12 @@
 """Calibrates the scores of a pretrained detector, and writes the model file.
 
-    python -m reproduction pack_generalist RUN --out out/generalist_v4.safetensors
+    python -m reproduction pack_generalist out/generalist
 
 The calibration fits a line to the logits of each class at generated sites that neither the training
-nor a test uses. A calibrated score is the expected share of correct boxes. A detector that uses the
-past of a fixed sensor has one line for single frames and one for frames with a past. The command
-writes two files:
+nor a test uses. A calibrated score is the expected share of correct boxes. A box of a pedestrian or
+a cyclist is correct if it matches either, so that both scores are comparable. A detector that uses
+the past of a fixed sensor has one line for single frames and one for frames with a past. The
+command writes two files:
 
 - out/generalist.safetensors has the layers in half precision. Its header has the calibration lines
   and the precision and recall.
@@ -18,7 +19,7 @@ from __future__ import annotations
 
 import argparse
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -28,6 +29,7 @@ from torch import Tensor
 
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.vocabulary import VEHICLES, ObjectClass
+from pyinfra.dataset import simulation
 from pyinfra.dataset.regions import FOOTWAYS_M
 from pyinfra.metrics import matching
 from pyinfra.models.detectors import Detections, calibration
@@ -42,6 +44,7 @@ from reproduction import add_out, provenance
 from reproduction.commands import frozen_sites
 
 MIN_SCORE = 0.002  # the calibration also uses boxes with a score below CUT
+PEOPLE = "vulnerable road user"  # a pedestrian or a cyclist
 CUT = 0.5  # smallest calibrated score of a shown box
 
 
@@ -54,7 +57,7 @@ class ScoredBoxes:
     name: ObjectClass
     scores: FloatArray  # (n,)
     right: BoolArray  # (n,)
-    objects: int  # number of ground-truth objects
+    objects: int  # number of vehicles, or of people, in the ground truth
 
 
 def scored_boxes(
@@ -65,10 +68,9 @@ def scored_boxes(
     for sample in samples:
         network.know(sample.region)
         detections.append(network.predict(sample.points))
-    for number, name in enumerate(network.classes):
+    for name in network.classes:
         parts = [
-            right_of(*pair, number, name, METRICS[name])
-            for pair in zip(samples, detections, strict=True)
+            right_of(*pair, network.classes, name) for pair in zip(samples, detections, strict=True)
         ]
         scores, right, objects = zip(*parts, strict=True)
         columns = np.concatenate(scores), np.concatenate(right)
@@ -76,42 +78,55 @@ def scored_boxes(
 
 
 def right_of(
-    sample: SiteSample,
-    detections: Detections,
-    number: int,
-    name: ObjectClass,
-    metric: matching.Metric,
-    iou: float = matching.IOU,
+    sample: SiteSample, detections: Detections, classes: Sequence[ObjectClass], name: ObjectClass
 ) -> tuple[FloatArray, BoolArray, int]:
-    """Returns scores (n,), correctness (n,) and the number of objects of a class in a sample."""
+    """Returns scores (n,) and correctness (n,) of the boxes of a class, and the number of objects.
+
+    Boxes and objects of people are matched together: the number is that of all people.
+    """
+    kinds = [c for c in classes if (c in VEHICLES) == (name in VEHICLES)]
     margin_m = 0.0 if name in VEHICLES else FOOTWAYS_M
-    inside = (detections.names == TYPES[name]) & sample.region.holds(detections.boxes, margin_m)
-    counted = (sample.numbers == number) & sample.region.holds(sample.boxes, margin_m)
+    inside = np.isin(detections.names, [TYPES[kind] for kind in kinds])
+    inside &= sample.region.holds(detections.boxes, margin_m)
+    counted = np.isin(sample.numbers, [classes.index(kind) for kind in kinds])
+    counted &= sample.region.holds(sample.boxes, margin_m)
     boxes, scores, truth = (
         detections.boxes[inside],
         detections.scores[inside],
         sample.boxes[counted],
     )
     frames = np.zeros(len(boxes), np.int64), np.zeros(len(truth), np.int64)
-    right = matching.true_positives(frames[0], boxes, scores, frames[1], truth, metric, iou)
-    return scores, right, len(truth)
+    right = matching.true_positives(frames[0], boxes, scores, frames[1], truth, METRICS[name])
+    own = detections.names[inside] == TYPES[name]
+    return scores[own], right[own], len(truth)
 
 
-def row(experiment: ScoredBoxes, line: tuple[float, float]) -> dict[str, object]:
-    """Returns the precision and recall of the shown boxes, and the values that scores predict."""
-    scores, right = calibration.calibrated(experiment.scores, line), experiment.right
-    shown = scores >= CUT
-    return {
-        "site": experiment.site,
-        "lidar": experiment.lidar,
-        "class": experiment.name,
-        "objects": experiment.objects,
-        "boxes": int(shown.sum()),
-        "precision": right[shown].mean() if shown.any() else np.nan,
-        "precision_predicted": scores[shown].mean() if shown.any() else np.nan,
-        "recall": right[shown].sum() / experiment.objects if experiment.objects else np.nan,
-        "recall_predicted": scores[shown].sum() / scores.sum() if len(scores) else np.nan,
-    }
+def rows_of(
+    experiments: Sequence[ScoredBoxes], lines: Mapping[ObjectClass, tuple[float, float]]
+) -> Iterator[dict[str, object]]:
+    """Yields precision and recall of the shown boxes, and the values that scores predict.
+
+    There is a row for the vehicles and one for the people of each site and LiDAR.
+    """
+    groups: dict[tuple[str, str, str], list[ScoredBoxes]] = {}
+    for one in experiments:
+        kind = "vehicle" if one.name in VEHICLES else PEOPLE
+        groups.setdefault((one.site, one.lidar, kind), []).append(one)
+    for (site, lidar, kind), parts in groups.items():
+        each = [calibration.calibrated(one.scores, lines[one.name]) for one in parts]
+        scores, right = np.concatenate(each), np.concatenate([one.right for one in parts])
+        objects, shown = parts[0].objects, scores >= CUT
+        yield {
+            "site": site,
+            "lidar": lidar,
+            "class": kind,
+            "objects": objects,
+            "boxes": int(shown.sum()),
+            "precision": right[shown].mean() if shown.any() else np.nan,
+            "precision_predicted": scores[shown].mean() if shown.any() else np.nan,
+            "recall": right[shown].sum() / objects if objects else np.nan,
+            "recall_predicted": scores[shown].sum() / scores.sum() if len(scores) else np.nan,
+        }
 
 
 def line_of(experiments: list[ScoredBoxes], name: ObjectClass) -> tuple[float, float]:
@@ -161,10 +176,10 @@ def halved(weights: dict[str, Tensor]) -> dict[str, Tensor]:
 def figures_of(table: pd.DataFrame) -> dict[str, float]:
     """Returns the mean precision and recall over sites and LiDARs.
 
-    The keys for pedestrians and cyclists begin with the class.
+    The keys for people begin with "people".
     """
     return {
-        key if name in VEHICLES else f"{name}_{key}": round(float(group[key].mean()), 3)
+        key if name in VEHICLES else f"people_{key}": round(float(group[key].mean()), 3)
         for name, group in table.groupby("class", sort=False)
         for key in ("precision", "recall")
     }
@@ -205,8 +220,7 @@ def main() -> None:
         for lidar, samples in frozen_sites.tested_at(keys, visits, classes, args.frames, past_s)
         for experiment in scored_boxes(network, keys["name"], lidar, samples)
     ]
-    rows = [row(experiment, lines[experiment.name]) for experiment in experiments]
-    table = pd.DataFrame(rows).assign(
+    table = pd.DataFrame(rows_of(experiments, lines)).assign(
         **provenance(f"pack_generalist {args.run} --sites {args.sites} --frames {args.frames}")
     )
     table.to_csv(args.table, index=False, float_format="%.4g")
@@ -214,6 +228,7 @@ def main() -> None:
     described = replace(
         loaded.provenance,
         anywhere=True,
+        frames_version=str(simulation.frames_version()),
         calibration=line,
         calibration_past=line_past,
         figures={"cut": CUT, "sites": args.sites, **figures},
