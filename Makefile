@@ -25,7 +25,7 @@ configure = cmake --preset $(1) $(2) -DCMAKE_UNITY_BUILD=$(or $(3),$(UNITY)) -DP
 FILES :=
 JOBS := 1
 
-.PHONY: setup build demo dataset generalist generalist-v4 debian13 test lint lint-cpp stubs reference results tables docs viewer bench wheel wheels hashes sanitize fuzz test-nightly attack nightly clean
+.PHONY: setup build demo dataset generalist debian13 test lint lint-cpp stubs reference results tables docs viewer bench wheel wheels hashes sanitize fuzz test-nightly attack nightly clean
 .NOTPARALLEL:
 
 build:
@@ -59,18 +59,10 @@ endif
 dataset: build
 	$(PYTHON) -m reproduction dataset --frames $(FRAMES) --preset $(PRESET) --out $(OUT)
 
-# The model that comes with the package: some two hours of two cores with AMX, more of others; a stopped one goes on.
+# The model that comes with the package: calibrates the weights of version 3, in some 20 minutes of one core.
 generalist: build
 	@scripts/setup.sh train
-	$(PYTHON) -m pyinfra train configs/detectors/generalist.yaml --sites configs/streams/generalist.yaml --tier full --precision bfloat16 --out out/generalist
-	$(PYTHON) -m reproduction pack_generalist out/generalist
-
-# Version 4 of the pretrained detector, which also uses the past of a fixed sensor. Some 14 hours of one core; it resumes.
-# With a GPU: make generalist-v4 DEVICE="--device cuda --precision bfloat16"
-generalist-v4: build
-	@scripts/setup.sh train
-	$(PYTHON) -m pyinfra train configs/detectors/generalist_v4.yaml --sites configs/streams/generalist_v4.yaml --tier full $(DEVICE) --out out/generalist_v4
-	$(PYTHON) -m reproduction pack_generalist out/generalist_v4 --out out/generalist_v4.safetensors --table out/generalist_v4_sites.csv
+	$(PYTHON) -m reproduction pack_generalist generalist-3
 
 # A wheel for each Python, each tried in a Debian with that Python alone. As root on Debian 12; 2 GB in build/roots.
 wheels: build wheel

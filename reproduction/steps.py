@@ -85,7 +85,7 @@ TOYS = {
     "ladder.csv": "ladder --seeds 1 --lidars helios_16 --settings frames --frames 50",
     "fairness.csv": "fairness generalist --scenes highway --lidars livox_avia",
     "unseen.csv": "unseen generalist --sites 1 --frames 1",
-    "detector_goals.csv": "detector_goals generalist --sites 1 1 --frames 1",
+    "detector_goals.csv": "detector_goals generalist-3 generalist --sites 1 1 --frames 1",
     "rungs.csv": (
         "rungs 'FRAMES=range(0,60,30)' \"SCENES=('highway',)\" --seeds 1 --rungs 'one ray'"
     ),
@@ -263,8 +263,8 @@ STEPS = (
         ("detector_goals.csv",),
         (
             Command(
-                "detector_goals generalist --sites 20 8",
-                0.3,
+                "detector_goals generalist-3 generalist",
+                1.0,
                 ESTIMATE,
                 "detector_goals",
                 True,

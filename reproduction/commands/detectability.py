@@ -28,6 +28,8 @@ from pyinfra.core.errors import Error
 from pyinfra.core.version import machine
 from pyinfra.dataset import simulation
 from pyinfra.experiments.planner import detectability as laws
+from pyinfra.models.inference.detect import model_file
+from pyinfra.models.training import checkpoint
 from reproduction import ROOT, provenance
 from reproduction.arguments import Out, Work, command
 from reproduction.detectability import check
@@ -186,6 +188,9 @@ def fit_all(runs: list[Run], frames: int, work: Path) -> dict[str, dict[str, Any
             "frames": frames,
             "frames_version": str(simulation.frames_version()),
             "note": f"{len(runs)} poses at {sites} generated sites, labels at the scan's time",
+            "model": ""
+            if detector == "background"
+            else checkpoint.digest(model_file(Path(detector))),
             **timed(runs[0], detector, frames, work),
             "vehicles": fit(runs, detector, work, person=False),
         }

@@ -12,7 +12,7 @@ to the first model on the same frames.
 The matches of each site and model are kept in the folder --work, so that a stopped command goes on
 with the next site. The command writes out/detector_goals.csv:
 
-    python -m reproduction detector_goals generalist runs/v4/last.safetensors --work data/goals
+    python -m reproduction detector_goals generalist-3 generalist --work data/goals
 """
 
 from collections.abc import Iterator, Sequence

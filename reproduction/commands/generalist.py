@@ -134,7 +134,7 @@ def recipe_of(arm: str, model: Path) -> Recipe:
         return read_recipe(RECIPES / "centerpoint-pillar.yaml", "quick")
     tier: Tier = "smoke" if arm == "tuned_30" else "quick"
     with_past = detect.past_seconds(detect.model_file(model)) > 0
-    name = "generalist_v4" if with_past else "generalist"
+    name = "pilots" if with_past else "generalist"
     return read_recipe(RECIPES / f"{name}.yaml", tier).begun_with(model)
 
 

@@ -1,6 +1,6 @@
 """Calibrates the scores of a pretrained detector, and writes the model file.
 
-    python -m reproduction pack_generalist out/generalist
+    python -m reproduction pack_generalist generalist-3
 
 The calibration fits a line to the logits of each class at generated sites that neither the training
 nor a test uses. A calibrated score is the expected share of correct boxes. A box of a pedestrian or
@@ -187,7 +187,9 @@ def figures_of(table: pd.DataFrame) -> dict[str, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("run", type=Path, help="output folder of `pyinfra train --sites`")
+    parser.add_argument(
+        "run", type=Path, help="model file, name, or output folder of `pyinfra train --sites`"
+    )
     parser.add_argument(
         "--sites",
         type=int,

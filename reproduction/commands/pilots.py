@@ -1,13 +1,13 @@
 """Trains small versions of the pretrained detector that differ in one input, with equal budgets.
 
-Each pilot begins with the weights of the present pretrained detector and learns from the stream of
-`configs/streams/generalist_v4.yaml`, with the settings of the tier `full` of
-`configs/detectors/generalist_v4.yaml` and fewer steps. New inputs begin with weights of 0. A
-stopped pilot resumes at its last checkpoint. The command writes RUNS/ARM_SEED and prints the CPU
-seconds of each pilot; `detector_goals` measures them:
+Each pilot begins with the weights of version 3 and learns from the stream of
+`configs/streams/pilots.yaml`, with the settings of the tier `full` of
+`configs/detectors/pilots.yaml` and fewer steps. New inputs begin with weights of 0. A stopped pilot
+resumes at its last checkpoint. The command writes RUNS/ARM_SEED and prints the CPU seconds of each
+pilot; `detector_goals` measures them:
 
     python -m reproduction pilots --work data/pilots --steps 400 --seeds 1 2
-    python -m reproduction detector_goals generalist data/pilots/single_1 data/pilots/past_1 \\
+    python -m reproduction detector_goals generalist-3 data/pilots/single_1 data/pilots/past_1 \\
         --work data/goals --sites 20 8 --out out/pilots.csv
 """
 
@@ -23,8 +23,8 @@ from pyinfra.models.training.train import train
 from reproduction import ROOT
 from reproduction.arguments import Work, command
 
-STREAM = ROOT / "configs/streams/generalist_v4.yaml"
-RECIPE = ROOT / "configs/detectors/generalist_v4.yaml"
+STREAM = ROOT / "configs/streams/pilots.yaml"
+RECIPE = ROOT / "configs/detectors/pilots.yaml"
 # The inputs of each pilot beside x, y and z of points.
 ARMS: dict[str, dict[str, Any]] = {
     "single": {"past_s": 0.0, "intensity": False},

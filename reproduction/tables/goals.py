@@ -1,5 +1,7 @@
 """Tables of detectors on the frozen test sites of frames 4."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import pandas as pd
@@ -23,17 +25,20 @@ PILOTS = {"single": "pilot, single frames", "past": "pilot with the past"}  # AR
 
 
 def goals() -> str:
-    """Returns a table of the pretrained detector's figures, by set of sites and kind."""
+    """Returns a table of both versions of the pretrained detector, by set of sites and kind."""
     table = results("detector_goals").query("objects > 0")
-    rows = [
-        [f"{row.set} ({row.sites})", row.kind, str(row.objects), TITLES[row.figure], _value(row)]
-        for row in table.itertuples()
-    ]
-    return markdown(["sites", "kind", "objects", "figure", "value"], rows)
+    earlier, present = (table[table.model == name] for name in ("generalist-3", "generalist"))
+    rows = []
+    for old, new in zip(earlier.itertuples(), present.itertuples(), strict=True):
+        kind, figure = str(new.kind), TITLES[str(new.figure)]
+        where, values = f"{new.set} ({new.sites})", (_value(old), _value(new))
+        rows.append([where, kind, str(new.objects), figure, *values, _value(new, "difference")])
+    heads = ["sites", "kind", "objects", "figure", "version 3", "version 4", "difference"]
+    return markdown(heads, rows)
 
 
 def pilots() -> str:
-    """Returns a table of the pilots' figures and their differences to the package's detector."""
+    """Returns a table of the pilots' figures and their differences to version 3."""
     table = results("detector_pilots").query("objects > 0")
     kept = [pair in SHOWN for pair in zip(table.kind, table.figure, strict=True)]
     rows = []
@@ -41,7 +46,7 @@ def pilots() -> str:
         arm, _, seed = str(row.model).partition("_")
         if arm == "past" and row.inputs != "past":
             continue  # with an empty past
-        name = f"{PILOTS[arm]}, seed {seed}" if arm in PILOTS else "the package's detector"
+        name = f"{PILOTS[arm]}, seed {seed}" if arm in PILOTS else "version 3"
         less = _value(row, "difference") if arm in PILOTS else ""
         where = f"{row.set} ({row.sites})"
         rows.append([where, row.kind, TITLES[row.figure], name, _value(row), less])

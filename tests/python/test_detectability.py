@@ -1,5 +1,6 @@
 """The check of the detectability: beams in an empty scene, and measures over poses."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,9 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from pyinfra.experiments.planner import detectability as laws
+from pyinfra.models.inference.detect import model_file
+from pyinfra.models.training import checkpoint
 from reproduction.commands.detectability import part_of
 from reproduction.commands.placement import order_rows, place_rows
 from reproduction.detectability import check, runs
@@ -179,3 +183,8 @@ def test_a_part_is_checked(tmp_path: Path) -> None:
 
 def test_a_run_is_named_by_all_that_changes_it() -> None:
     assert Run(1, 2, "one", 3).name == "1_2_one_3"
+
+
+def test_the_laws_were_fitted_for_the_detector_of_the_package() -> None:
+    fitted = json.loads(laws.FILE.read_text(encoding="utf-8"))["generalist"]
+    assert fitted["model"] == checkpoint.digest(model_file(Path("generalist")))

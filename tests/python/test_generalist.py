@@ -24,7 +24,7 @@ def frames(infrasim, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_it_is_small_and_says_what_it_is() -> None:
-    assert shipped() == ["generalist"]
+    assert shipped() == ["generalist", "generalist-3"]
     assert MODEL.stat().st_size < 1_500_000
     with safe_open(MODEL, "pt") as file:
         metadata = file.metadata()

@@ -146,11 +146,11 @@ def test_samples_of_a_stream_have_a_past_in_which_driving_vehicles_are_new() -> 
         site_stream(replace(plan, frames=50), only, CLASSES, past_s=60.0).samples.sample(0)
 
 
-def test_stream_files_of_version_4_have_lidars_of_no_product_and_choose_some_more_often() -> None:
+def test_the_stream_of_the_pilots_has_lidars_of_no_product_and_choose_some_more_often() -> None:
     from pyinfra.models.training.generated_sites import SiteSamples, read_stream
     from reproduction import ROOT
 
-    samples = read_stream(ROOT / "configs/streams/generalist_v4.yaml", CLASSES, 60.0).samples
+    samples = read_stream(ROOT / "configs/streams/pilots.yaml", CLASSES, 60.0).samples
     assert isinstance(samples, SiteSamples)
     assert samples.narrow is not None
     names = {file.stem for file in (*samples.sensors.files, *samples.narrow.files)}
@@ -163,11 +163,11 @@ def test_stream_files_of_version_4_have_lidars_of_no_product_and_choose_some_mor
 
 
 @pytest.mark.nightly
-def test_a_network_begins_with_the_boxes_of_version_3_and_then_uses_its_past(
+def test_a_network_begins_with_the_boxes_of_another_and_then_uses_its_past(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Trains version 4 for two steps on toy streams, and detects with and without the past."""
+    """Trains a pilot for two steps on toy streams, and detects with and without the past."""
     torch = pytest.importorskip("torch", reason="the extra `train` is not installed")
     import pyinfra as pi
     from pyinfra.cli import main
@@ -182,7 +182,7 @@ def test_a_network_begins_with_the_boxes_of_version_3_and_then_uses_its_past(
     from pyinfra.scenes.generator import lidar_catalogue
     from reproduction import ROOT
 
-    recipe = read_recipe(ROOT / "configs/detectors/generalist_v4.yaml", "full")
+    recipe = read_recipe(ROOT / "configs/detectors/pilots.yaml", "full")
     recipe = replace(recipe, learning=replace(recipe.learning, steps=2, batch=2))
     plan = StreamPlan(seed=3, lidars=1, frames=4, mixed=1, label_time="scan")
     only = lidar_catalogue.only(["helios_16"], {"datasheet": 1.0})

@@ -44,10 +44,6 @@ KINDS = {
         "pillars, one stage",
         "the pretrained detector of the package, trained further at the site",
     ),
-    "generalist_v4": (
-        "pillars, one stage",
-        "the pretrained detector with the past of a fixed sensor, not trained yet",
-    ),
     "generalist-as-is": ("pillars, one stage", "the pretrained detector of the package"),
     "background": ("no training", "a model of the empty site, clusters, fitted boxes"),
 }
