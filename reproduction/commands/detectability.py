@@ -145,6 +145,8 @@ def main(
             law |= timed(first, detector, frames, work)
         write(out, plain)
         return
+    if check < 1:
+        raise Error(f"check: expected 1 or more sites, got {check}")
     fitted = stored([*fit_runs(fit)], frames, work, part)
     checked = stored([*check_runs(check)], frames, work, part)
     if part != (1, 1):
