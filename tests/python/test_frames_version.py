@@ -30,7 +30,7 @@ from reproduction.tables import common
 
 NOW = str(simulation.frames_version())
 V0_3 = ROOT / "tests/data/v0_3"
-PRETRAINED = model_file(Path("generalist"))
+VERSION_3 = model_file(Path("generalist-3"))
 
 
 def recorded_as(data: Path, line: str) -> None:
@@ -48,10 +48,15 @@ def data(motorway: Path, tmp_path: Path) -> Path:
 
 
 def test_files_without_a_number_rest_on_frames_3() -> None:
-    assert learnt_from(PRETRAINED) == "3"
+    assert learnt_from(VERSION_3) == "3"
     assert learnt_from(V0_3 / "run/last.safetensors") == "3"
-    assert read_detectability("generalist").frames_version == "3"
     assert number_at(V0_3 / "data/turning") == "3"
+
+
+def test_the_detector_and_the_laws_of_the_package_rest_on_the_present_frames() -> None:
+    assert learnt_from(model_file(Path("generalist"))) == NOW
+    assert read_detectability("generalist").frames_version == NOW
+    assert read_detectability("background").frames_version == NOW
 
 
 @pytest.mark.parametrize(
@@ -89,12 +94,13 @@ def test_a_trained_detector_has_the_number_of_its_frames(data: Path, tmp_path: P
 def test_detection_on_frames_of_another_number_warns_once(
     data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = ["detect", str(data), "--out", str(tmp_path / "boxes"), "--max-frames", "1"]
+    words = ["detect", str(data), "--out", str(tmp_path / "boxes"), "--max-frames", "1",
+             "--model", "generalist-3"]  # fmt: skip
     assert main.main(words) == 0
-    text = f"generalist: learnt from frames 3, used on frames {NOW}"
+    text = f"generalist-3: learnt from frames 3, used on frames {NOW}"
     assert capsys.readouterr().err.count(text) == 1
     with pytest.warns(UserWarning, match=text):
-        pi.detect("generalist", pi.load_dataset(data)[:1])
+        pi.detect("generalist-3", pi.load_dataset(data)[:1])
     assert main.main(["evaluate", str(data), str(tmp_path / "boxes"), "--out",
                       str(tmp_path / "ap"), "--allow-missing"]) == 0  # fmt: skip
     assert capsys.readouterr().err.count(text) == 1
@@ -119,7 +125,7 @@ def test_predictions_of_earlier_versions_are_of_models_of_frames_3(
     assert main.main(["detect", str(data), "--out", str(out), "--max-frames", "1"]) == 0
     origin = read_origin(out)
     assert origin is not None
-    assert origin["model_frames_version"] == "3"
+    assert origin["model_frames_version"] == str(NOW)
     file = out / "origin.yaml"
     file.write_text(re.sub(r"(?m)^model_frames_version: .*\n", "", file.read_text()))
     found = pi.evaluate(data, out, frames=[0]).findings
