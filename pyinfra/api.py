@@ -115,9 +115,9 @@ def train(
     if start is not None:
         recipe = recipe.begun_with(Path(start))
     sources = [
-        sequence_source(one, tier, recipe.classes, recipe.past_s)
+        sequence_source(one, tier, recipe.classes)
         if isinstance(one, FrameSequence)
-        else read_source(path_of(one, "frames"), tier, classes=recipe.classes, past_s=recipe.past_s)
+        else read_source(path_of(one, "frames"), tier, classes=recipe.classes)
         for one in given
     ]
     for text in filter(None, (source.read_warning() for source in sources)):

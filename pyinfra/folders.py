@@ -313,7 +313,7 @@ def export_onnx(model: TrainedDetector | StrPath, out: StrPath) -> Path:
     """Writes a dense detector as one ONNX file: from points to boxes, with suppression.
 
     The input `points` is (n, 4) float32, n >= 1: x y z and intensity (0 to 1), inside the area in
-    the metadata of the file; if the network uses the past, two more columns are 0 without a past.
+    the metadata of the file.
     The outputs are `boxes` (k, 7) and `scores` (k,), best first, and with several classes their
     numbers `classes` (k,). z of points and boxes is the height above the road, and scores are not
     calibrated.

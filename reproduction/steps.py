@@ -25,7 +25,7 @@ OTHERS = {
     "dataset.csv": "make dataset",
     "debian13.csv": "make debian13",
     "deskew.csv": "a program of version 0.3",
-    "detector_pilots.csv": "python -m reproduction pilots, then detector_goals",
+    "detector_pilots.csv": "a program of version 798cdb0f",
     "follow.csv": "python -m reproduction follow, which takes an hour",
     "frame_numbers.csv": "python -m reproduction frame_numbers, with an earlier checkout",
     "generalist_sites.csv": "make generalist",

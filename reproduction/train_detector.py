@@ -30,7 +30,7 @@ def train_detector(
     recipe = read_recipe(ROOT / "configs/detectors" / f"{detector}.yaml", tier).for_budget(budget)
     if accumulation.frames > 1:
         recipe = replace(recipe, network=replace(recipe.network, age=True))
-    source = read_source(folder, tier, accumulation, recipe.classes, recipe.past_s)
+    source = read_source(folder, tier, accumulation, recipe.classes)
     file = train(recipe, [source], run, seed=seed, quiet=True)
     log = run / "log.csv"
     return file, float(read_csv(log).cpu_seconds.sum()) if log.is_file() else 0.0

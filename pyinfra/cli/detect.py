@@ -303,7 +303,7 @@ def _in_clouds(args: argparse.Namespace, model: Path) -> FolderDetections:
         args.inputs = _without_bad(args, args.inputs, read)
     warn_of_height(args.inputs, read, site, partial(warn, args=args))
     found = detect(detector, args.inputs, args.out, read=read)
-    return FolderDetections(args.inputs, *found, inputs=inputs_used(model, range(len(found[0]))))
+    return FolderDetections(args.inputs, *found, inputs=inputs_used(model))
 
 
 def _without_bad(

@@ -189,15 +189,13 @@ def _sources(args: argparse.Namespace, recipe: Recipe) -> list[Source] | Stream:
         from pyinfra.models.training.generated_sites import read_stream
 
         stream = file_or_name(args.sites, shipped("streams"), "sites")
-        return read_stream(stream, recipe.classes, recipe.past_s)
+        return read_stream(stream, recipe.classes)
     if args.scene is None:
         return [
-            read_source(folder, args.tier, accumulation, recipe.classes, recipe.past_s)
-            for folder in args.data
+            read_source(folder, args.tier, accumulation, recipe.classes) for folder in args.data
         ]
     how = {"preset": args.preset, "mount": args.mount}
     how |= {"accumulation": accumulation, "classes": recipe.classes}
-    how["past_s"] = recipe.past_s
     scene = file_or_name(args.scene, shipped("scenes"), "scene")
     lidar = file_or_name(args.lidar, shipped("lidars"), "lidar")
     return [simulated_source(scene, lidar, args.tier, **how)]

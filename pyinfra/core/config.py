@@ -45,10 +45,6 @@ LATER: frozenset[str] = frozenset(
         "Augmentation.shadows",
         "Augmentation.height_std_m",
         "Augmentation.level_std_deg",
-        "Augmentation.no_past",
-        "Augmentation.no_intensity",
-        "Augmentation.intensity_gain",
-        "Config.past_s",
         "Recipe.hook",
         "Recipe.loss",
     )

@@ -1,8 +1,7 @@
 """Measures pretrained detectors on the frozen test sites, paired with the first of them.
 
 The sites are those of `frozen_sites`, simulated by the present version: 60 sites (`plain`) and 20
-streets with much street furniture (`cluttered`). A detector that uses the past of a fixed sensor is
-measured twice: with the past that `pyinfra detect` would use, and with single frames.
+streets with much street furniture (`cluttered`).
 
 Figures are the AP (R1000), the highest recall at a precision of 0.5, false positives per frame, and
 the recall of vehicles that have stood for 30 s. Shown boxes have a calibrated score of 0.5 or more.
@@ -43,7 +42,6 @@ from reproduction.commands.unseen import CLASSES, CUT, FINE, REPLICATES, scored_
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
-PAST_S = 60.0
 FRAMES = 3  # frames per LiDAR
 VEHICLES, ANYWHERE, QUEUES = "vehicle", "vehicle, no region", "vehicle in a queue"
 # Kind of objects: the classes of boxes that may match them, metric, threshold.
@@ -89,14 +87,12 @@ def in_frame(
     return scored_boxes(sample, detections, names, (kind, metric, limit))
 
 
-def measured(
-    network: Network, samples: Sequence[frozen_sites.TestSample], *, with_past: bool
-) -> dict[str, FloatArray]:
+def measured(network: Network, samples: Sequence[frozen_sites.TestSample]) -> dict[str, FloatArray]:
     """Returns the arrays of a model's matches at a site, by kind and name."""
     parts: dict[str, list[tuple[FloatArray, BoolArray, int]]] = {kind: [] for kind in KINDS}
     for sample in samples:
         network.know(sample.region)
-        detections = network.predict(sample.points if with_past else sample.points[:, :4])
+        detections = network.predict(sample.points)
         for kind, part in parts.items():
             part.append(in_frame(sample, detections, kind))
     arrays = dict[str, FloatArray]()
@@ -110,39 +106,27 @@ def measured(
     return arrays
 
 
-def ways_of(network: Network) -> tuple[bool, ...]:
-    """Returns whether the past is used, for each way in which a model is measured."""
-    return (False, True) if network.past_s > 0 else (False,)
-
-
 def run_site(name: str, number: int, models: dict[str, Network], frames: int, work: Path) -> None:
     """Measures all models at a site of a set, except for results that exist."""
     keys, visits = list(frozen_sites.read_visits(name))[number]
-    wanted = {
-        (digest, past): matches_file(work, name, number, digest, frames, with_past=past)
-        for digest, network in models.items()
-        for past in ways_of(network)
-    }
+    wanted = {digest: matches_file(work, name, number, digest, frames) for digest in models}
     if all(file.exists() for file in wanted.values()):
         return
-    past_s = PAST_S if any(past for _, past in wanted) else 0.0
     samples = [
         sample
-        for _, of_lidar in frozen_sites.tested_at(keys, visits, CLASSES, frames, past_s)
+        for _, of_lidar in frozen_sites.tested_at(keys, visits, CLASSES, frames)
         for sample in of_lidar
     ]
-    for (digest, past), file in wanted.items():
+    for digest, file in wanted.items():
         if not file.exists():
-            arrays = measured(models[digest], samples, with_past=past)
+            arrays = measured(models[digest], samples)
             with replacing(file) as beside, beside.open("wb") as opened:
                 np.savez_compressed(opened, allow_pickle=False, **arrays)
     print(name, keys["name"], len(samples), "frames", flush=True)
 
 
-def matches_file(
-    work: Path, name: str, number: int, digest: str, frames: int, *, with_past: bool
-) -> Path:
-    return work / f"{name}_{number}_{frames}_{digest}{'_past' * with_past}.npz"
+def matches_file(work: Path, name: str, number: int, digest: str, frames: int) -> Path:
+    return work / f"{name}_{number}_{frames}_{digest}.npz"
 
 
 def gathered(files: Sequence[Path], kind: str) -> Matches:
@@ -196,15 +180,15 @@ def recalls_at_half(matches: Matches, weights: IntArray) -> FloatArray:
 
 
 def rows(
-    name: str, files: dict[tuple[str, bool], list[Path]], names: dict[str, str]
+    name: str, files: dict[str, list[Path]], names: dict[str, str]
 ) -> Iterator[dict[str, object]]:
-    """Yields the rows of a set of sites. files: those of each model and way."""
+    """Yields the rows of a set of sites. files: those of each model, by its digest."""
     sites = len(next(iter(files.values())))
     drawn = np.random.default_rng(1).multinomial(sites, np.ones(sites) / sites, REPLICATES)
     weights = np.concatenate([np.ones((1, sites), np.int64), drawn])
     for kind in KINDS:
         first: dict[str, FloatArray] = {}
-        for (digest, past), of_sites in files.items():
+        for digest, of_sites in files.items():
             matches = gathered(of_sites, kind)
             for figure, values in figures(matches, kind, weights).items():
                 less = values - first.setdefault(figure, values)
@@ -216,7 +200,6 @@ def rows(
                 yield {
                     "model": names[digest],
                     "digest": digest,
-                    "inputs": "past" if past else "single frame",
                     "set": name,
                     "sites": sites,
                     "sites_with_objects": int((matches.objects > 0).sum()),
@@ -261,12 +244,8 @@ def main(
         for number in range(count):
             run_site(name, number, networks, frames, work)
         files = {
-            (digest, past): [
-                matches_file(work, name, number, digest, frames, with_past=past)
-                for number in range(count)
-            ]
-            for digest, network in networks.items()
-            for past in ways_of(network)
+            digest: [matches_file(work, name, number, digest, frames) for number in range(count)]
+            for digest in networks
         }
         tables.append(pd.DataFrame(rows(name, files, names)))
     table = pd.concat(tables).assign(seed=1, **provenance(words))

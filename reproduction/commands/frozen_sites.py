@@ -15,7 +15,6 @@ import itertools
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 import yaml
@@ -28,7 +27,6 @@ from pyinfra.dataset.catalogue import lidar_file
 from pyinfra.dataset.object_rows import scene_objects
 from pyinfra.models.training import sources
 from pyinfra.models.training.generated_sites import cast, maker, samples_of
-from pyinfra.models.training.past import PastFrames
 from pyinfra.models.training.samples import SiteSample
 from pyinfra.scenes.generator import lidar_catalogue
 from pyinfra.scenes.generator.generate import make_site
@@ -100,7 +98,7 @@ def calibration_visits(sites: int) -> Iterator[tuple[Keys, list[Visit]]]:
 
 @dataclass(frozen=True, eq=False)
 class TestSample(SiteSample):
-    """A sample of a test site whose points have the columns of their past."""
+    """A sample of a test site."""
 
     queues: BoolArray = field(kw_only=True)  # (k,) whether each box has stood for QUEUE_S
 
@@ -128,29 +126,21 @@ def looked_at(
 
 
 def tested_at(
-    keys: Keys, visits: list[Visit], classes: tuple[ObjectClass, ...], frames: int, past_s: float
+    keys: Keys, visits: list[Visit], classes: tuple[ObjectClass, ...], frames: int
 ) -> Iterator[tuple[str, list[TestSample]]]:
     """Simulates the visits of a site; yields the LiDAR and the samples of each visit.
 
-    A sample has the past that `pyinfra detect` uses: the first frames of the time slots before it.
-
-    Parameters
-    ----------
-    frames : maximum number of frames per LiDAR
-    past_s : seconds of the past; 0 for empty columns, which need no further simulation
+    frames: maximum number of frames per LiDAR.
     """
     world = simulation.make_world(keys)
     for visit in visits:
         lidar = simulation.load_lidar(lidar_file(visit.lidar), PRESET).with_free_motors()
         count = world.frames_of(lidar.period_s)
-        read = partial(sources.cast, world, lidar)
-        there = range(count) if past_s > 0 else ()
-        past = PastFrames(read, there, lidar.period_s, past_s)
         make = maker(world, keys, lidar, classes)
         label_time, samples = simulation.label_time(world, lidar), list[TestSample]()
         numbers = list(visit.frames[:frames])
         for number, frame in zip(numbers, cast(world, lidar, numbers), strict=True):
-            sample = make(frame, past.added(simulation.points(frame), number))
+            sample = make(frame, simulation.points(frame))
             hit = sources.hit_vehicles(frame, label_time, classes)
             queues = stands(world, number, lidar.period_s, count, hit.ids)
             samples.append(TestSample(**vars(sample), queues=queues))

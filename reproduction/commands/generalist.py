@@ -133,9 +133,7 @@ def recipe_of(arm: str, model: Path) -> Recipe:
     if arm == "site_trained":
         return read_recipe(RECIPES / "centerpoint-pillar.yaml", "quick")
     tier: Tier = "smoke" if arm == "tuned_30" else "quick"
-    with_past = detect.past_seconds(detect.model_file(model)) > 0
-    name = "pilots" if with_past else "generalist"
-    return read_recipe(RECIPES / f"{name}.yaml", tier).begun_with(model)
+    return read_recipe(RECIPES / "generalist.yaml", tier).begun_with(model)
 
 
 def model_of(arm: str, model: Path, folder: Path, run: Path) -> tuple[Path, int, float]:
@@ -143,7 +141,7 @@ def model_of(arm: str, model: Path, folder: Path, run: Path) -> tuple[Path, int,
     if arm == "none":
         return model, 0, 0.0
     recipe = recipe_of(arm, model)
-    source = read_source(folder, "quick", classes=recipe.classes, past_s=recipe.past_s)
+    source = read_source(folder, "quick", classes=recipe.classes)
     file = train(recipe, [source], run, quiet=True)
     seconds = float(pd.read_csv(run / "log.csv").cpu_seconds.sum())
     return file, recipe.learning.steps, seconds

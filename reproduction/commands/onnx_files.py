@@ -59,7 +59,7 @@ class OnnxFile:
 
     def predict(self, points: Points) -> Detections:
         columns = self.session.get_inputs()[0].shape[1]
-        inside = with_columns(self.site.area.crop(points), columns, past=True)
+        inside = with_columns(self.site.area.crop(points), columns)
         boxes, scores, *numbers = self.session.run(None, {"points": inside})
         which = numbers[0] if numbers else np.zeros(len(scores), int)
         return Detections(boxes, scores, np.array([TYPES[self.classes[i]] for i in which], str))

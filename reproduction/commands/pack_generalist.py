@@ -4,15 +4,14 @@
 
 The calibration fits a line to the logits of each class at generated sites that neither the training
 nor a test uses. A calibrated score is the expected share of correct boxes. A box of a pedestrian or
-a cyclist is correct if it matches either, so that both scores are comparable. A detector that uses
-the past of a fixed sensor has one line for single frames and one for frames with a past. The
-command writes two files:
+a cyclist is correct if it matches either, so that both scores are comparable.
+
+The command writes two files:
 
 - out/generalist.safetensors has the layers in half precision. Its header has the calibration lines
   and the precision and recall.
 - out/generalist_sites.csv has the precision and recall of the boxes with a score of at least 0.5 at
-  the test sites, by site, LiDAR and class, and the values that the scores predict. If the detector
-  uses the past, the frames have their past.
+  the test sites, by site, LiDAR and class, and the values that the scores predict.
 """
 
 from __future__ import annotations
@@ -36,7 +35,6 @@ from pyinfra.models.detectors import Detections, calibration
 from pyinfra.models.detectors.classes import METRICS, TYPES
 from pyinfra.models.detectors.fuse_batchnorm import fused
 from pyinfra.models.detectors.network import Network
-from pyinfra.models.detectors.sample import has_past
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.training import checkpoint
 from pyinfra.models.training.samples import SiteSample
@@ -145,11 +143,6 @@ def line_of(experiments: list[ScoredBoxes], name: ObjectClass) -> tuple[float, f
         raise ValueError(f"{name}: {error}") from None
 
 
-def alone(samples: Sequence[SiteSample]) -> list[SiteSample]:
-    """Returns the samples as single frames, without the columns of the past."""
-    return [replace(sample, points=sample.points[:, :4]) for sample in samples]
-
-
 def lines_at(experiments: list[ScoredBoxes], classes: Sequence[ObjectClass]) -> tuple[float, ...]:
     """Returns the calibration lines of all classes: a and b of each class."""
     lines = (line_of(experiments, name) for name in classes)
@@ -203,25 +196,21 @@ def main() -> None:
     loaded = checkpoint.load(model_file(args.run))
     network = fused(loaded.network())
     classes = network.classes
-    network.calibration = network.calibration_past = None
+    network.calibration = None
     network.min_score = MIN_SCORE
-    past_s = network.past_s
-    single, with_past = list[ScoredBoxes](), list[ScoredBoxes]()
-    for keys, visits in frozen_sites.calibration_visits(args.sites):
-        for lidar, samples in frozen_sites.tested_at(keys, visits, classes, args.frames, past_s):
-            single += scored_boxes(network, keys["name"], lidar, alone(samples))
-            known = [sample for sample in samples if has_past(sample.points)]
-            if known:
-                with_past += scored_boxes(network, keys["name"], lidar, known)
-    line = lines_at(single, classes)
-    line_past = lines_at(with_past, classes) if past_s > 0 else None
-    lines = lines_by_class(line_past or line, classes)
-    experiments = [
-        experiment
-        for keys, visits in itertools.islice(frozen_sites.read_visits("plain"), args.sites)
-        for lidar, samples in frozen_sites.tested_at(keys, visits, classes, args.frames, past_s)
-        for experiment in scored_boxes(network, keys["name"], lidar, samples)
-    ]
+    calibration_sites = frozen_sites.calibration_visits(args.sites)
+    test_sites = itertools.islice(frozen_sites.read_visits("plain"), args.sites)
+    fitted, experiments = (
+        [
+            experiment
+            for keys, visits in sites
+            for lidar, samples in frozen_sites.tested_at(keys, visits, classes, args.frames)
+            for experiment in scored_boxes(network, keys["name"], lidar, samples)
+        ]
+        for sites in (calibration_sites, test_sites)
+    )
+    line = lines_at(fitted, classes)
+    lines = lines_by_class(line, classes)
     table = pd.DataFrame(rows_of(experiments, lines)).assign(
         **provenance(f"pack_generalist {args.run} --sites {args.sites} --frames {args.frames}")
     )
@@ -232,7 +221,6 @@ def main() -> None:
         anywhere=True,
         frames_version=str(simulation.frames_version()),
         calibration=line,
-        calibration_past=line_past,
         figures={"cut": CUT, "sites": args.sites, **figures},
     )
     checkpoint.write(args.out, halved(loaded.weights()), described)

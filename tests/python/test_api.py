@@ -220,7 +220,6 @@ def test_frames_are_stacked_as_the_model_learnt(
     """The previous frame is taken from the scene, although it is not in the sequence."""
     two = Accumulation(2)
     monkeypatch.setattr("pyinfra.models.inference.detect.accumulation_of", lambda _: two)
-    monkeypatch.setattr("pyinfra.models.inference.detect.past_seconds", lambda _: 0.0)
     (cloud,) = boxes_table._stacked(Path("model"), frames[1:2])
     now, before = frames.frame(6).points, frames.frame(5).points
     assert cloud.shape == (len(now) + len(before), 5)

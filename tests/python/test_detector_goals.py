@@ -1,7 +1,6 @@
 """Figures of detectors on the frozen sites: pairs, queues, and results that are kept."""
 
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -13,7 +12,7 @@ from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors import Detections
 from pyinfra.models.detectors.network import Network
 from reproduction.commands import detector_goals as goals
-from reproduction.commands import frozen_sites, unseen
+from reproduction.commands import frozen_sites
 
 NEAR = Region(lambda boxes, margin_m: np.hypot(*boxes[:, :2].T) < 20 + margin_m, np.zeros((4, 2)))
 CARS = np.array(
@@ -62,56 +61,46 @@ def test_figures_of_replicates_are_those_of_their_sites() -> None:
 
 
 class Perfect:
-    """Finds all vehicles of a sample; with the past it also finds one that is not there."""
+    """Finds all vehicles of a sample, and further boxes where there is nothing."""
 
-    past_s, classes = 60.0, unseen.CLASSES
-
-    def __init__(self, boxes: dict[int, np.ndarray[Any, Any]]) -> None:
-        self.boxes, self.columns = boxes, list[int]()
+    def __init__(self, wrong: int) -> None:
+        off = [[0, 5 + 5 * i, 0, 0, 0, 0, 0] for i in range(wrong)]
+        self.boxes = np.concatenate([CARS, *(np.add(CARS[:1], one) for one in off)])
 
     def know(self, _: Region) -> None:
         pass
 
-    def predict(self, points: np.ndarray[Any, Any]) -> Detections:
-        self.columns.append(points.shape[1])
-        wrong = np.add(CARS[:1], [0, 5, 0, 0, 0, 0, 0])
-        boxes = np.concatenate([CARS, wrong]) if points.shape[1] == 6 else CARS
-        return vehicles(boxes, [0.9] * len(boxes))
+    def predict(self, _: np.ndarray[Any, Any]) -> Detections:
+        return vehicles(self.boxes, [0.9] * len(self.boxes))
 
 
 @pytest.mark.nightly
 def test_sites_are_measured_once_and_rows_are_paired(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked = list[float]()
+    asked = list[int]()
 
     def tested_at(*args: Any) -> Any:
         asked.append(args[-1])
         return [("ruby_plus", [sample(), sample()])]
 
     monkeypatch.setattr(frozen_sites, "tested_at", tested_at)
-    network = cast(Network, Perfect({}))
-    first = cast(Network, SimpleNamespace(**vars(network), past_s=0.0, know=network.know,
-                                          predict=network.predict))  # fmt: skip
+    models = {digest: cast(Network, Perfect(wrong)) for digest, wrong in (("a", 0), ("b", 1))}
     for _ in range(2):
         for number in (0, 1):
-            goals.run_site("plain", number, {"a": first, "b": network}, 2, tmp_path)
-    assert asked == [60.0, 60.0]
+            goals.run_site("plain", number, models, 2, tmp_path)
+    assert asked == [2, 2]
     files = {
-        (digest, past): [
-            goals.matches_file(tmp_path, "plain", n, digest, 2, with_past=past) for n in (0, 1)
-        ]
-        for digest, past in (("a", False), ("b", False), ("b", True))
+        digest: [goals.matches_file(tmp_path, "plain", n, digest, 2) for n in (0, 1)]
+        for digest in models
     }
     rows = list(goals.rows("plain", files, {"a": "one", "b": "two"}))
     false = [
-        (row["model"], row["inputs"], row["difference"])
+        (row["model"], row["difference"])
         for row in rows
         if row["kind"] == "vehicle" and row["figure"] == "false_per_frame"
     ]
-    assert false == [
-        ("one", "single frame", 0), ("two", "single frame", 0), ("two", "past", 1),
-    ]  # fmt: skip
+    assert false == [("one", 0), ("two", 1)]
 
 
 def test_a_vehicle_in_a_queue_stands_for_30_s_and_drives_at_another_time(

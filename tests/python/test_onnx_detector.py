@@ -92,10 +92,9 @@ def test_boxes_do_not_depend_on_the_number_of_threads(frames: FrameSequence) -> 
         Config(pillar_width=16, head_width=16),
         Config(pillar_width=32, head_width=8, intensity=False, place=False, axis=True),
         Config(pillar_width=40, head_width=8, age=True, classes=("vehicle", "pedestrian")),
-        Config(pillar_width=32, head_width=8, past_s=60, place=False, axis=True),
-        Config(pillar_width=32, head_width=8, past_s=60, age=True, intensity=False),
+        Config(pillar_width=32, head_width=8, age=True, intensity=False),
     ],
-    ids=["published", "axis", "age", "past", "past_and_age"],
+    ids=["published", "axis", "age", "age_without_intensity"],
 )
 def test_a_network_of_any_settings_gives_the_same_boxes(config: Config) -> None:
     torch = pytest.importorskip("torch", reason="the extra `train` is not installed")

@@ -89,7 +89,7 @@ def trained(experiment: Experiment, recipe: Recipe, folder: Path, run: Path, dev
     """Trains a detector and returns the CPU seconds of all its steps, including earlier runs."""
     before = time.process_time()
     tier = experiment.tier
-    source = read_source(folder, tier, classes=recipe.classes, past_s=recipe.past_s)
+    source = read_source(folder, tier, classes=recipe.classes)
     train(recipe, [source], run, seed=experiment.seed, device=device, quiet=True)
     log = run / "log.csv"
     if log.exists():

@@ -40,7 +40,7 @@ class CanvasPart:
 class Batch:
     """Several frames, with their points concatenated."""
 
-    points: Tensor  # (n, 4) float32; (n, 5 to 7) with ages and the past
+    points: Tensor  # (n, 4) float32; (n, 5) with ages
     counts: tuple[int, ...]  # number of points in each frame
     boxes: tuple[Tensor, ...]  # (k, 7) float32 for each frame
     windows: Windows | None = None  # None: the whole canvas is used
@@ -59,7 +59,7 @@ class Batch:
         return owners(self.counts, self.points.device)
 
     def clouds(self) -> tuple[Tensor, ...]:
-        """Returns the points (n, 4 to 7) of each frame."""
+        """Returns the points (n, 4 or 5) of each frame."""
         return self.points.split_with_sizes(list(self.counts))
 
     def to(self, device: torch.device) -> Batch:
@@ -104,16 +104,12 @@ def _rejoined(
     return Batch(points, counts, of_frames[0], windows, of_frames[1], balance)
 
 
-def make_batch(
-    samples: Sequence[Sample], area: Area, columns: int = 4, *, past: bool = False
-) -> Batch:
+def make_batch(samples: Sequence[Sample], area: Area, columns: int = 4) -> Batch:
     """Makes a batch of the points inside the area and the boxes whose centres are inside.
 
-    columns: number of columns of the points to use. past: whether the last two of them are the
-    occupancy of the past, which is 0 in clouds without them. Raises Error for a cloud with fewer
-    columns.
+    columns: number of columns of the points to use. Raises Error for a cloud with fewer columns.
     """
-    clouds = [with_columns(area.crop(sample.points), columns, past=past) for sample in samples]
+    clouds = [with_columns(area.crop(sample.points), columns) for sample in samples]
     inside = [area.holds(sample.boxes[:, :3]) for sample in samples]
     pairs = list(zip(samples, inside, strict=True))
     return Batch(

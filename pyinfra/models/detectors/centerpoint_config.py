@@ -17,8 +17,6 @@ class Config:
     intensity: bool = True  # whether intensity is an input; each LiDAR has its own scale
     place: bool = True  # whether x and y are inputs; networks for many sites do not use them
     age: bool = False  # whether the age of points in stacked frames is an input (--accumulate)
-    # seconds of the past of a fixed sensor whose occupancy is an input (past.py); 0: none
-    past_s: float = ruled(0.0, 0, 600)
     bev: BevConfig = field(default_factory=BevConfig)
     head_width: int = ruled(64, 1, 512)  # channels of the layer that heat map and boxes share
     # whether the axis of a box and its direction along this axis are predicted separately; useful
@@ -28,8 +26,8 @@ class Config:
 
     @property
     def columns(self) -> int:
-        """Columns that the network uses: x y z intensity [age] [past_share past_known]."""
-        return 4 + self.age + 2 * (self.past_s > 0)
+        """Columns that the network uses: x y z intensity [age]."""
+        return 4 + self.age
 
     def __post_init__(self) -> None:
         if not self.classes:

@@ -33,9 +33,8 @@ class CenterPointPillar(Network):
         area = site.area.grown(multiple(config.bev, config.pillar_m))
         super().__init__(Site(area, site.floor_z))
         self.classes = config.classes
-        self.columns, self.past_s = config.columns, config.past_s
+        self.columns = config.columns
         looks_at = {"intensity": config.intensity, "with_xy": config.place, "age": config.age}
-        looks_at["past"] = config.past_s > 0
         self.encoder = PillarEncoder(area, config.pillar_m, config.pillar_width, **looks_at)
         self.bev = BevNetwork(config.bev, config.pillar_width)
         cell_m = config.bev.strides[0] * config.pillar_m

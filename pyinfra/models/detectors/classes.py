@@ -29,12 +29,6 @@ def classes_of(config: object) -> tuple[ObjectClass, ...]:
     return classes
 
 
-def past_of(config: object) -> float:
-    """Returns the seconds of the past that a network with this Config uses; 0 if it uses none."""
-    seconds: float = getattr(config, "past_s", 0.0)
-    return seconds
-
-
 def numbers_of(types: NameArray, classes: Sequence[ObjectClass]) -> IntArray:
     """Returns the index in `classes` of each type's class: (n,).
 

@@ -18,7 +18,7 @@ from pyinfra.models.detectors import Detections
 from pyinfra.models.detectors.batch import Batch, make_batch
 from pyinfra.models.detectors.classes import TYPES
 from pyinfra.models.detectors.detection_area import Site
-from pyinfra.models.detectors.sample import Sample, has_past
+from pyinfra.models.detectors.sample import Sample
 from pyinfra.models.detectors.suppression import (
     CANDIDATES,
     MIN_SCORE,
@@ -85,16 +85,13 @@ class Network(nn.Module, abc.ABC):
 
     learns_in_windows = False  # whether the network can be trained on windows (windows.py)
     balances_frames = False  # whether the losses use `Batch.balance`
-    # columns of a cloud that the network uses: x y z intensity [age] [past_share past_known]
-    columns = 4
-    past_s = 0.0  # seconds of the past whose occupancy is an input; 0: none
+    columns = 4  # columns of a cloud that the network uses: x y z intensity [age]
     classes: tuple[ObjectClass, ...] = VEHICLES  # classes that the network distinguishes
 
     def __init__(self, site: Site) -> None:
         super().__init__()
         self.site = site
         self.calibration: tuple[float, ...] | None = None  # a, b of each class (see `calibrated`)
-        self.calibration_past: tuple[float, ...] | None = None  # the same for frames with a past
         self.min_score = MIN_SCORE
 
     @abc.abstractmethod
@@ -114,37 +111,26 @@ class Network(nn.Module, abc.ABC):
     @torch.inference_mode()
     @one_thread()
     def find(self, clouds: Sequence[Points]) -> list[Detections]:
-        """Returns the detections in each cloud (n, 4 to 7). The network must be in eval mode."""
+        """Returns the detections in each cloud (n, 4 or 5). The network must be in eval mode."""
         keep_memory()
         samples = [Sample(cloud, np.empty((0, 7))) for cloud in clouds]
-        batch = make_batch(samples, self.site.area, self.columns, past=self.past_s > 0)
+        batch = make_batch(samples, self.site.area, self.columns)
         if len(batch.points) == 0:
             return [empty() for _ in clouds]
         device = next(self.parameters()).device
         # The suppression of a frame takes less time than waiting for a GPU several times.
-        known = [self.past_s > 0 and has_past(cloud) for cloud in clouds]
         return [
-            self.best(*(part.cpu() for part in candidates), past=past)
-            for past, candidates in zip(known, self.candidates(batch.to(device)), strict=True)
+            self.best(*(part.cpu() for part in candidates))
+            for candidates in self.candidates(batch.to(device))
         ]
 
-    def best(
-        self,
-        boxes: Tensor,
-        scores: Tensor,
-        numbers: Tensor | None = None,
-        *,
-        past: bool = False,
-    ) -> Detections:
-        """Returns the detections of candidates; each class is suppressed separately.
-
-        past: whether the past of the frame is known, which has its own calibration.
-        """
+    def best(self, boxes: Tensor, scores: Tensor, numbers: Tensor | None = None) -> Detections:
+        """Returns the detections of candidates; each class is suppressed separately."""
         parts = []
         for i, name in enumerate(self.classes):
             mask = slice(None) if numbers is None else numbers == i
             parts.append(suppressed(boxes[mask], scores[mask], TYPES[name], self.min_score))
-        return of_classes(parts, (past and self.calibration_past) or self.calibration)
+        return of_classes(parts, self.calibration)
 
     def predict(self, points: Points) -> Detections:
         """See pyinfra.models.detectors.Detector."""

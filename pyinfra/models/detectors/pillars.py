@@ -13,22 +13,18 @@ from pyinfra.models.detectors.batch import Batch, CanvasPart
 from pyinfra.models.detectors.detection_area import Area
 from pyinfra.models.ops.constants import constant
 
-# The inputs of a point that come from x y z, in their order.
-COORDINATES = [f"{origin}{axis}" for origin in ("", "mean_", "middle_") for axis in "xyz"]
-
 
 class PillarEncoder(nn.Module):
-    """Encodes points (n, 4 to 7) as a canvas (B, width, H, W); row = y, column = x.
+    """Encodes points (n, 4 or 5) as a canvas (B, width, H, W); row = y, column = x.
 
     The inputs of each point are x y z, offset to the mean of its pillar (3), offset to the middle
-    of the pillar (3), occupancy of the past (2), age, intensity. The inputs pass a linear layer,
-    batch norm and ReLU, followed by the maximum over the pillar. If there are several layers, each
-    layer except the last is half as wide. Each of these layers returns the features of a point
-    together with the features of the point's pillar.
+    of the pillar (3), age, intensity. The inputs pass a linear layer, batch norm and ReLU, followed
+    by the maximum over the pillar. If there are several layers, each layer except the last is half
+    as wide. Each of these layers returns the features of a point together with the features of the
+    point's pillar.
 
-    intensity, age, past, with_xy: whether the intensity, the age, the occupancy of the past, and x
-    and y are inputs. If x and y are not used, the features of a vehicle do not depend on its
-    position. `inputs` has the names of the inputs in their order.
+    intensity, age, with_xy: whether the intensity, the age, and x and y are inputs. If x and y are
+    not used, the features of a vehicle do not depend on its position.
     """
 
     def __init__(
@@ -41,16 +37,13 @@ class PillarEncoder(nn.Module):
         intensity: bool = True,
         with_xy: bool = True,
         age: bool = False,
-        past: bool = False,
     ) -> None:
         super().__init__()
         self.area, self.pillar_m, self.width = area, pillar_m, width
-        self.extra = ["intensity", *["age"] * age, *["past_share", "past_known"] * past]
-        every = [*COORDINATES, *reversed(self.extra)]
-        self.first, self.last = (0 if with_xy else 2), len(every) - (not intensity)
-        self.inputs = every[self.first : self.last]
+        self.age = age
+        self.first, self.last = (0 if with_xy else 2), 9 + age + intensity
         self.columns, self.rows = (round(area.size[axis] / pillar_m) for axis in (0, 1))
-        inputs = [len(self.inputs), *[2 * (width // 2)] * (layers - 1)]
+        inputs = [self.last - self.first, *[2 * (width // 2)] * (layers - 1)]
         self.before = nn.ModuleList(_layer(n, width // 2) for n in inputs[:-1])
         self.linear, self.norm = _layer(inputs[-1], width)
 
@@ -65,7 +58,7 @@ class PillarEncoder(nn.Module):
         # in all processes.
         if len(batch.points) < (2 if self.training else 1) and distributed.count() == 1:
             return batch.points.new_zeros(0, self.width), pillar[:0]
-        features = self.point_features(batch, pillar, member)  # (n, 7 to 13)
+        features = self.point_features(batch, pillar, member)  # (n, 7 to 11)
         for layer in self.before:
             activations = torch.relu(layer(features))  # (n, width / 2)
             features = torch.cat(
@@ -117,7 +110,7 @@ class PillarEncoder(nn.Module):
         return (batch.frame * self.rows + row) * self.columns + column
 
     def point_features(self, batch: Batch, pillar: Tensor, member: Tensor) -> Tensor:
-        """Returns the inputs of each point: (n, 7 to 13).
+        """Returns the inputs of each point: (n, 7 to 11).
 
         pillar: (p,) numbers of pillars on the canvas. member: (n,) index of each point's pillar.
         """
@@ -134,9 +127,10 @@ class PillarEncoder(nn.Module):
             dim=1,
         )
         coordinates = torch.stack([xyz, xyz - mean[member], xyz - middle[member]], dim=1).flatten(1)
+        intensity, age = batch.points[:, 3:4], batch.points[:, 4:5]
+        parts = [coordinates, age, intensity] if self.age else [coordinates, intensity]
         # x, y and the intensity are at the ends, so that a slice removes them if they are not used.
-        extra = batch.points[:, 3 : 3 + len(self.extra)].flip(1)
-        return torch.cat([coordinates, extra], dim=1)[:, self.first : self.last]
+        return torch.cat(parts, dim=1)[:, self.first : self.last]
 
     def pooled(self, features: Tensor, member: Tensor, pillars: int) -> Tensor:
         """Applies the last layer and returns the maximum over each pillar's points: (p, width)."""

@@ -13,11 +13,11 @@ from pyinfra.core.errors import Error
 class Sample:
     """One training frame."""
 
-    points: Points  # (n, 4 to 7): x y z intensity [age] [past_share past_known]
+    points: Points  # (n, 4 or 5): x y z intensity [age]
     boxes: FloatArray  # (k, 7) boxes of the objects with a point of this LiDAR
     classes: IntArray | None = None  # (k,) class numbers of the boxes; None: all 0
     height_m: float = field(default=0.0, kw_only=True)  # height of the sensor above z = 0
-    # points (m, 4 to 7) of each box, if they were found before
+    # points (m, 4 or 5) of each box, if they were found before
     objects: tuple[Points, ...] | None = field(default=None, kw_only=True)
 
     @property
@@ -26,26 +26,17 @@ class Sample:
         return np.zeros(len(self.boxes), np.int64) if self.classes is None else self.classes
 
     def points_of(self, i: int) -> Points:
-        """Returns the points of the object in box i: (m, 4 to 7)."""
+        """Returns the points of the object in box i: (m, 4 or 5)."""
         if self.objects is not None:
             return self.objects[i]
         return self.points[points_in_box(self.points, self.boxes[i])]
 
 
-def has_past(points: Points) -> bool:
-    """Returns whether points have the columns of the past, and the past is not empty."""
-    return points.shape[1] >= 6 and bool(points[:, -1].any())
+def with_columns(points: Points, columns: int) -> Points:
+    """Returns the first `columns` columns of points, which a network uses.
 
-
-def with_columns(points: Points, columns: int, *, past: bool = False) -> Points:
-    """Returns the first `columns` columns of points that a network uses.
-
-    past: whether the last two of these columns are the occupancy of the past (training/past.py).
-    Clouds without these two columns have no past, and the columns are 0. Raises Error for a cloud
-    without ages.
+    Raises Error for a cloud without ages.
     """
-    if past and points.shape[1] == columns - 2:
-        return np.pad(points, ((0, 0), (0, 2)))
     if points.shape[1] < columns:
         raise Error(
             f"points: expected {columns} columns, got {points.shape[1]}: the network uses the age "

@@ -38,7 +38,6 @@ from pyinfra.models.inference.frames_learnt import frames_warning
 from pyinfra.models.inference.own_detector import OwnDetector, detections_of_own
 from pyinfra.models.inference.static_filter import length_warning, without_standing
 from pyinfra.models.inference.threads import checked_threads
-from pyinfra.models.training.past import with_past
 from pyinfra.models.training.sources import spread
 
 COLUMNS = ["frame", "type", *BOX, "score"]
@@ -195,9 +194,8 @@ def detect(
     """Runs a detector on frames and returns its boxes.
 
     For a trained detector, z of the points is converted to height above the road, and frames are
-    stacked as in the training of the detector. A detector that uses the past of a fixed sensor gets
-    the occupancy of the frames before each frame, as far as they are known. `attrs["inputs"]` of
-    the result is a text that says which inputs were used.
+    stacked as in the training of the detector. `attrs["inputs"]` of the result is a text that says
+    which inputs were used.
 
     The function warns if the road in the clouds is not `height_m` below the sensor. It also warns
     if a trained network has no region, if it was learnt from frames of another number, and if the
@@ -252,7 +250,7 @@ def detect(
             warnings.warn(text, stacklevel=CALLER)
     numbers, inputs = frames.numbers, "single frames"
     if isinstance(model, TrainedDetector):
-        inputs = inference.inputs_used(model.file, numbers, frames.known, frames.period_s)
+        inputs = inference.inputs_used(model.file)
         if text := region_warning(model.file, site):
             warnings.warn(f"{text}: `region` takes an outline of the road", stacklevel=CALLER)
         if text := frames_warning(model.file, frames.frames_version):
@@ -302,14 +300,12 @@ def _drawn(region: AnyRegion) -> Drawn:
 
 
 def _stacked(model: Path, frames: FrameSequence) -> Iterator[Points]:
-    """Returns the clouds of the frames as in the model's training: stacked, and with their past."""
-    accumulation, past_s = inference.accumulation_of(model), inference.past_seconds(model)
-    if accumulation.frames == 1 and past_s == 0:
+    """Returns the clouds of the frames, stacked as in the model's training."""
+    accumulation = inference.accumulation_of(model)
+    if accumulation.frames == 1:
         return (frame.points for frame in frames)
     read = partial(_points, frames)
     clouds = accumulation.clouds(read, frames.numbers, frames.known, frames.period_s)
-    known = (read, frames.numbers, frames.known, frames.period_s)
-    clouds = with_past(clouds, *known, past_s)
     return (cloud() for cloud in clouds)
 
 

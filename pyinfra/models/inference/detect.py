@@ -1,7 +1,7 @@
 """Loads trained detectors and runs them on clouds on disk."""
 
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -18,12 +18,9 @@ from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Labels
 from pyinfra.models.detectors import Detections, Detector
 from pyinfra.models.detectors.background import Background
-from pyinfra.models.detectors.catalogue import config_of
-from pyinfra.models.detectors.classes import past_of
 from pyinfra.models.detectors.ground_adapter import OnRoad
 from pyinfra.models.pytorch import need_pytorch
 from pyinfra.models.training.accumulation import Accumulation
-from pyinfra.models.training.past import frames_with_past, with_past
 from pyinfra.models.training.provenance import is_among, read_provenance
 from pyinfra.models.training.sources import read_frame, scene_of
 
@@ -115,56 +112,36 @@ def accumulation_of(file: Path) -> Accumulation:
     return Accumulation(provenance.accumulate, provenance.label_at)
 
 
-def past_seconds(file: Path) -> float:
-    """Returns the seconds of the past whose occupancy a model uses; 0 if it uses none."""
-    if file.suffix == ".npz":
-        return 0.0
-    provenance = read_provenance(file)
-    return past_of(config_of(provenance.detector, provenance.network))
-
-
-def inputs_used(
-    file: Path, frames: Sequence[int], there: Collection[int] = (), period_s: float = 0.1
-) -> str:
-    """Returns a text on the inputs that a model used: single frames, stacked frames, or the past.
-
-    frames: numbers of the frames. there: numbers of all existing frames; empty for single clouds.
-    """
-    stacked, seconds = accumulation_of(file).frames, past_seconds(file)
-    alone = f"{stacked} stacked frames" if stacked > 1 else "single frames"
-    known = frames_with_past(frames, there, period_s, seconds)
-    if seconds == 0 or known == 0:
-        return f"{alone}, without the past" if seconds > 0 else alone
-    return f"{alone} with the past of up to {seconds:g} s ({known} of {len(frames)} frames)"
+def inputs_used(file: Path) -> str:
+    """Returns a text on the inputs that a model uses: single frames, or stacked frames."""
+    stacked = accumulation_of(file).frames
+    return f"{stacked} stacked frames" if stacked > 1 else "single frames"
 
 
 def reader_at(run: Path, lidar_folder: Path, files: Sequence[Path]) -> Callable[[Path], Points]:
-    """Returns a function that reads clouds of a folder as a model needs them, with their past."""
+    """Returns a function that reads clouds of a folder as a model needs them."""
     file = model_file(run)
     numbers = [int(cloud.stem) for cloud in files]
-    return stacking(lidar_folder, numbers, accumulation_of(file), past_seconds(file))
+    return stacking(lidar_folder, numbers, accumulation_of(file))
 
 
 def stacking(
     lidar_folder: Path,
     frames: Sequence[int],
     accumulation: Accumulation,
-    past_s: float = 0.0,
     *,
     existing: Sequence[int] | None = None,
 ) -> Callable[[Path], Points]:
     """Returns a function that reads the stacked cloud of a frame's file.
 
-    Neighbouring frames are stacked even if they belong to another split. past_s: seconds of the
-    past whose occupancy the cloud has (training/past.py). existing: numbers of the frames that can
-    be neighbours, by default all. Raises Error if no frame has a neighbour.
+    Neighbouring frames are stacked even if they belong to another split. existing: numbers of the
+    frames that can be neighbours, by default all. Raises Error if no frame has a neighbour.
     """
     if existing is None:
         existing = frame_numbers(lidar_folder, "all")
     period_s = period_of(lidar_folder)
     read = partial(read_frame, lidar_folder)
     clouds = accumulation.clouds(read, frames, existing, period_s)
-    clouds = with_past(clouds, read, frames, existing, period_s, past_s)
     files = [kitti.frame_file(lidar_folder, "velodyne", k) for k in frames]
     by_file = dict(zip(files, clouds, strict=True))
     return lambda file: by_file[file]()

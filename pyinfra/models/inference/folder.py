@@ -27,7 +27,6 @@ from pyinfra.models.inference.detect import (
     is_of_anywhere,
     load_detector,
     once,
-    past_seconds,
     stacking,
     transfer,
     write,
@@ -195,12 +194,12 @@ def detect_folder(
         warn(text)
     detector = detector_at_place(model, where, device, threads)
     known = frame_numbers(lidar_folder, "all")
-    accumulation, past_s = accumulation_of(model), past_seconds(model)
-    if skip_bad and (accumulation.frames > 1 or past_s > 0):
+    accumulation = accumulation_of(model)
+    if skip_bad and accumulation.frames > 1:
         clouds = [kitti.frame_file(lidar_folder, "velodyne", k) for k in known]
         known = [int(file.stem) for file in readable_clouds(clouds, kitti.read_points)[0]]
-    read = stacking(lidar_folder, numbers, accumulation, past_s, existing=known)
-    inputs = inputs_used(model, numbers, known, period_of(lidar_folder))
+    read = stacking(lidar_folder, numbers, accumulation, existing=known)
+    inputs = inputs_used(model)
     with alone(out):
         out.mkdir(parents=True, exist_ok=True)
         if read_origin(out) is not None or not others(out, files):

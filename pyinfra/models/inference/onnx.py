@@ -1,11 +1,10 @@
 """Exports a dense detector, from points to boxes, as one ONNX graph.
 
 The input is `points` (n, 4) float32, n >= 1, inside the area in the file's metadata: x y z and
-intensity (0 to 1). If the network uses the past of a fixed sensor, the points have two more columns
-(training/past.py), which are 0 without a past. The outputs are `boxes` (k, 7) and `scores` (k,),
-best first, after non-maximum suppression; k may be 0. A network with several classes also has the
-output `classes` (k,) with class numbers. x and y of points and boxes are in the levelled LiDAR
-frame, and z is measured from the road. Scores are those before calibration.
+intensity (0 to 1). The outputs are `boxes` (k, 7) and `scores` (k,), best first, after non-maximum
+suppression; k may be 0. A network with several classes also has the output `classes` (k,) with
+class numbers. x and y of points and boxes are in the levelled LiDAR frame, and z is measured from
+the road. Scores are those before calibration.
 """
 
 import json

@@ -22,7 +22,7 @@ from pyinfra.models.detectors.catalogue import config_of
 from pyinfra.models.detectors.centerpoint_config import Config
 from pyinfra.models.detectors.classes import ALONG_ROADS, TYPES
 from pyinfra.models.detectors.detection_area import REGION_MARGIN_M, Area, Site, around
-from pyinfra.models.detectors.sample import has_past, with_columns
+from pyinfra.models.detectors.sample import with_columns
 from pyinfra.models.detectors.suppression import MIN_SCORE, empty, of_classes, suppressed
 from pyinfra.models.onnx.graph import Weights, fused, model_of
 from pyinfra.models.onnx.peaks import Peaks
@@ -44,7 +44,6 @@ class OnnxDetector:
         site: Site,
         *,
         calibration: Sequence[float] | None = None,
-        calibration_past: Sequence[float] | None = None,
         region: Region | None = None,
         threads: int = 1,
     ) -> None:
@@ -52,8 +51,7 @@ class OnnxDetector:
         area = site.area.grown(multiple(config.bev, config.pillar_m))
         self.site = Site(area, site.floor_z)
         self.classes: tuple[ObjectClass, ...] = config.classes
-        self.columns, self.past = config.columns, config.past_s > 0
-        self.calibration, self.calibration_past = calibration, calibration_past
+        self.columns, self.calibration = config.columns, calibration
         self.min_score = MIN_SCORE
         self.map = PillarMap(config, weights, area)
         rows, columns = self.map.array.shape[2:]
@@ -66,7 +64,7 @@ class OnnxDetector:
 
     def predict(self, points: Points) -> Detections:
         """See pyinfra.models.detectors.Detector."""
-        inside = with_columns(self.site.area.crop(points), self.columns, past=self.past)
+        inside = with_columns(self.site.area.crop(points), self.columns)
         if len(inside) == 0:
             return empty()
         whole = self.map.of(inside)
@@ -74,19 +72,16 @@ class OnnxDetector:
             part = np.ascontiguousarray(whole[:, :, *tile.computed])
             (maps,) = self.session.run(None, {"map": part})
             self.maps[:, *tile.used] = maps[0][:, *tile.used_inside]
-        return self.best(self.maps, past=self.past and has_past(inside))
+        return self.best(self.maps)
 
-    def best(self, maps: Float32Array, *, past: bool = False) -> Detections:
-        """Returns the detections in maps (classes + 8 or 9, H, W).
-
-        past: whether the past of the frame is known, which has its own calibration.
-        """
+    def best(self, maps: Float32Array) -> Detections:
+        """Returns the detections in maps (classes + 8 or 9, H, W)."""
         logits, boxes = maps[: len(self.classes)], maps[len(self.classes) :]
         parts = []
         for logit, name in zip(logits, self.classes, strict=True):
             peaks = self.peaks.of(logit, boxes, self.min_score, along_road=name in ALONG_ROADS)
             parts.append(suppressed(*peaks, TYPES[name], self.min_score))
-        return of_classes(parts, (past and self.calibration_past) or self.calibration)
+        return of_classes(parts, self.calibration)
 
 
 class PillarMap:
@@ -143,7 +138,6 @@ def load(file: Path, region: Region | None = None, threads: int = 1) -> OnnxDete
             weights,
             site,
             calibration=provenance.calibration,
-            calibration_past=provenance.calibration_past,
             region=region,
             threads=threads,
         )

@@ -70,7 +70,6 @@ class Checkpoint:
                     "weights, got NaN or inf"
                 )
         network.calibration = self.provenance.calibration
-        network.calibration_past = self.provenance.calibration_past
         if region is not None:
             network.know(region)
         return network.eval()

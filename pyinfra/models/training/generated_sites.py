@@ -1,11 +1,9 @@
 """Training samples from generated sites, simulated on demand without files.
 
-A visit is one site with some LiDARs and some frames of each LiDAR. If the network uses the past of
-a fixed sensor (past.py), a LiDAR is simulated in consecutive time slots. Some of these frames are
-the samples, and each has as its past the frames before it. The scene of a visit is built once, all
-samples of the visit are simulated, and the scene is discarded. A group of visits is held in memory,
-and its samples are returned in random order. Sample n depends only on n and on the plan. Therefore
-a training can resume at any sample by simulating one group.
+A visit is one site with some LiDARs and some frames of each LiDAR. The scene of a visit is built
+once, all samples of the visit are simulated, and the scene is discarded. A group of visits is held
+in memory, and its samples are returned in random order. Sample n depends only on n and on the plan.
+Therefore a training can resume at any sample by simulating one group.
 """
 
 from collections.abc import Callable
@@ -15,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.core.arrays import Int32Array, Points
+from pyinfra.core.arrays import Points
 from pyinfra.core.config import read_config, ruled
 from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.vocabulary import VEHICLES, LabelTime, ObjectClass
@@ -23,12 +21,6 @@ from pyinfra.dataset import regions, simulation
 from pyinfra.dataset.frame_sequence import roads_of_world
 from pyinfra.dataset.ground import ground_of_roads
 from pyinfra.models.detectors.detection_area import Area, Site
-from pyinfra.models.training.past import (
-    PAST_FRAMES,
-    Memory,
-    occupied,
-    slot_frames,
-)
 from pyinfra.models.training.samples import SiteSample
 from pyinfra.models.training.sources import Stream, labels_of_frame, pose_of
 from pyinfra.scenes.generator import lidar_catalogue
@@ -79,7 +71,6 @@ class SiteSamples:
     classes: tuple[ObjectClass, ...] = VEHICLES  # classes of the boxes
     make_keys: Callable[[int], Keys] = make_site
     narrow: lidar_catalogue.Sensors | None = None  # LiDARs of the plan's narrow visits
-    past_s: float = 0.0  # seconds of the past whose occupancy the points have; 0: none
     _group: tuple[int, list[SiteSample]] = (-1, [])
 
     def __post_init__(self) -> None:
@@ -144,32 +135,9 @@ class SiteSamples:
             # Frames are random instead of evenly spaced. If the scan pattern of a LiDAR almost
             # repeats, evenly spaced frames would have only few phases of the pattern.
             count = world.frames_of(lidar.period_s)
-            if self.past_s > 0:
-                step = slot_frames(self.past_s, lidar.period_s)
-                seen, chosen = sequence(random, count, step, self.plan.frames)
-                samples += samples_with_past(world, keys, lidar, seen, chosen, self.classes)
-                continue
             frames = sorted(random.choice(count, self.plan.frames, replace=False).tolist())
             samples += samples_of(world, keys, lidar, frames, self.classes)
         return samples
-
-
-def sequence(
-    random: np.random.Generator, count: int, step: int, frames: int
-) -> tuple[list[int], list[int]]:
-    """Returns random frames that are `step` frames apart, and which of them are samples.
-
-    The first result has `frames` to PAST_FRAMES + 1 numbers of frames below `count`. The second
-    has `frames` of their indices. Both ascend. A sample has as its past all frames before it, so
-    that networks learn pasts of any length. Raises Error if a site is too short.
-    """
-    slots = count // step
-    if slots < frames:
-        raise Error(f"frames: expected at most {slots}, the time slots of a site, got {frames}")
-    length = int(random.integers(frames, min(slots, PAST_FRAMES + 1) + 1))
-    first = int(random.integers(count - (length - 1) * step))
-    chosen = sorted(random.choice(length, frames, replace=False).tolist())
-    return [first + i * step for i in range(length)], chosen
 
 
 def world_of(
@@ -209,30 +177,6 @@ def samples_of(
     return [sample(frame, simulation.points(frame)) for frame in cast(world, lidar, frames)]
 
 
-def samples_with_past(
-    world: simulation.World,
-    keys: Keys,
-    lidar: simulation.Lidar,
-    seen: list[int],
-    chosen: list[int],
-    classes: tuple[ObjectClass, ...] = VEHICLES,
-) -> list[SiteSample]:
-    """Returns samples of a LiDAR at a site, whose points have the columns of their past.
-
-    seen: ascending frames, one per time slot. chosen: ascending indices of the frames in `seen`
-    that are samples. The past of a sample is the occupancy of the last PAST_FRAMES frames before
-    it. Raises the errors of the simulator.
-    """
-    sample, memory = maker(world, keys, lidar, classes), Memory()
-    samples, voxels = [], list[Int32Array]()
-    for i, frame in enumerate(cast(world, lidar, seen[: chosen[-1] + 1])):
-        points = simulation.points(frame)
-        if i in chosen:
-            samples.append(sample(frame, memory.added(points, voxels[-PAST_FRAMES:])))
-        voxels.append(occupied(points))
-    return samples
-
-
 def maker(
     world: simulation.World,
     keys: Keys,
@@ -270,19 +214,12 @@ class StreamFile:
 
     plan: StreamPlan = field(default_factory=StreamPlan)
     without: tuple[str, ...] = ()  # LiDARs of the catalogue that are not used
-    more: tuple[str, ...] = ()  # further LiDAR files, relative to this file
-    more_narrow: tuple[str, ...] = ()  # the same for `plan.narrow`
-    often: tuple[str, ...] = ()  # LiDARs that are chosen OFTEN times as often as others
     narrow: tuple[str, ...] = ()  # LiDARs of `plan.narrow`
     presets: PresetShares = field(default_factory=PresetShares)
 
 
-def read_stream(
-    file: Path, classes: tuple[ObjectClass, ...] = VEHICLES, past_s: float = 0.0
-) -> Stream:
+def read_stream(file: Path, classes: tuple[ObjectClass, ...] = VEHICLES) -> Stream:
     """Reads a stream file; `classes` are the classes of the boxes.
-
-    past_s: seconds of the past whose occupancy the points have (past.py); 0: none.
 
     Raises ConfigError with file, line and key, and FileNotFoundError."""
     settings = read_config(file, StreamFile)
@@ -292,11 +229,7 @@ def read_stream(
             without=(*settings.without, *settings.narrow), presets=presets
         )
         narrow = lidar_catalogue.only(settings.narrow, presets) if settings.narrow else None
-        chosen = chosen.with_more([file.parent / name for name in settings.more], settings.often)
-        if narrow is not None:
-            more = [file.parent / name for name in settings.more_narrow]
-            narrow = narrow.with_more(more, settings.often)
-        return site_stream(settings.plan, chosen, classes, narrow, past_s)
+        return site_stream(settings.plan, chosen, classes, narrow)
     except ValueError as error:
         raise ConfigError(f"{file}: {error}") from None
 
@@ -306,7 +239,6 @@ def site_stream(
     sensors: lidar_catalogue.Sensors | None = None,
     classes: tuple[ObjectClass, ...] = VEHICLES,
     narrow: lidar_catalogue.Sensors | None = None,
-    past_s: float = 0.0,
 ) -> Stream:
     """Returns a stream of samples, which `training.train.train` accepts instead of sources.
 
@@ -314,14 +246,13 @@ def site_stream(
     `sensors` or `narrow` has.
     """
     chosen = sensors or lidar_catalogue.sensors()
-    samples = SiteSamples(plan, chosen, classes, narrow=narrow, past_s=past_s)
+    samples = SiteSamples(plan, chosen, classes, narrow=narrow)
     files = (*chosen.files, *(narrow.files if narrow else ()))
     drawn = asdict(plan)
     if plan.narrow == 0:
         del drawn["narrow"]  # so that trainings of versions without narrow visits can resume
     of_narrow = {"of_narrow": lidar_catalogue.names_of(narrow.files)} if narrow else {}
     last = plan.first_site + plan.sites - 1
-    of_often = {"often": " ".join(chosen.often)} if chosen.often else {}
     return Stream(
         lidar=lidar_catalogue.names_of(files),
         preset=" ".join(sorted(chosen.presets)),
@@ -331,7 +262,6 @@ def site_stream(
         site=Site(AREA),
         anywhere=True,
         classes=classes,
-        drawn=str(drawn | {**chosen.presets} | of_narrow | of_often),
-        past_s=past_s,
+        drawn=str(drawn | {**chosen.presets} | of_narrow),
         frames_version=str(simulation.frames_version()),
     )

@@ -284,8 +284,7 @@ def batch_of(frames: Samples, recipe: Recipe, network: Network, seed: int, step:
             sample = dataclasses.replace(sample, points=points, boxes=boxes)
         samples.append(sample)
         centres.append(windows.centre_of(sample, network.site.area, rng, learning.rare_windows))
-    past = network.past_s > 0
-    batch = make_batch(samples, network.site.area, network.columns, past=past)
+    batch = make_batch(samples, network.site.area, network.columns)
     batch = dataclasses.replace(batch, balance=learning.balance)
     if learning.window_m2 == 0:
         return batch

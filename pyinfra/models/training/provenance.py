@@ -47,7 +47,6 @@ class Provenance:
     # a, b of logit(score) -> a logit(score) + b, which makes a score the probability of a true
     # positive. If there are several classes, each class has a pair a, b.
     calibration: tuple[float, ...] | None = None
-    calibration_past: tuple[float, ...] | None = None  # the same for frames with a past (past.py)
     figures: Any = None  # measured figures, by name
     # frames_version of the training frames, several separated by blanks; empty if they were
     # recorded. Versions before 0.5, which did not write the key, made frames 3.

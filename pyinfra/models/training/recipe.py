@@ -14,7 +14,7 @@ from pyinfra.core.config import Part, checked, read_config, ruled
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import TIERS, ObjectClass, Tier
 from pyinfra.models.detectors.catalogue import DETECTORS
-from pyinfra.models.detectors.classes import classes_of, past_of
+from pyinfra.models.detectors.classes import classes_of
 from pyinfra.models.inference.detect import model_file, shipped
 from pyinfra.models.training.samples import Augmentation
 
@@ -79,11 +79,6 @@ class Recipe:
     def classes(self) -> tuple[ObjectClass, ...]:
         """The classes that the detector distinguishes."""
         return classes_of(self.network)
-
-    @property
-    def past_s(self) -> float:
-        """Seconds of the past whose occupancy the detector uses; 0: none."""
-        return past_of(self.network)
 
     def for_budget(self, share: float) -> Recipe:
         """Returns the recipe with a share of its steps and a shorter learning rate schedule."""

@@ -14,9 +14,8 @@ from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, Points
 from pyinfra.core.boxes import bev_iou, points_in_boxes, rows_in_box
 from pyinfra.core.config import ruled
 from pyinfra.dataset.regions import Region
-from pyinfra.models.detectors.sample import Sample, has_past
+from pyinfra.models.detectors.sample import Sample
 from pyinfra.models.training import sensor_faults
-from pyinfra.models.training.past import COLUMNS
 
 MOST_STD = 3.3  # errors of the pose are clipped to this many standard deviations
 SHADOW_DEG = 0.3  # angular resolution at which pasted objects hide points behind them
@@ -35,10 +34,6 @@ class Augmentation:
     drop_out: float = ruled(0.0, 0, 0.99)  # largest share of points that is removed
     lost_lines: float = ruled(0.0, 0, 0.99)  # largest share of elevation rows that is removed
     range_noise_m: float = ruled(0.0, 0, 10)  # largest standard deviation of range noise
-    # Inputs that a cloud of another sensor may lack or scale differently.
-    no_past: float = ruled(0.0, 0, 1)  # share of the frames whose past is left out (past.py)
-    no_intensity: float = ruled(0.0, 0, 1)  # share of the frames whose intensities are 0
-    intensity_gain: float = ruled(1.0, 1, 10)  # largest factor of intensities, up and down
     # Errors of the sensor's pose have a normal distribution, clipped at 3.3 standard deviations.
     height_std_m: float = ruled(0.0, 0, 10)  # standard deviation of the height above the road
     level_std_deg: float = ruled(0.0, 0, 10)  # standard deviation of each horizontal axis's tilt
@@ -133,23 +128,7 @@ def augmented(
     scale = 1 + rng.uniform(-how.scale, how.scale)
     flip = how.flip and rng.random() < 0.5
     sample = moved(sample, turn=float(turn), scale=float(scale), flip=flip)
-    return with_inputs_lost(with_pose_error(with_faults(sample, how, rng), how, rng), how, rng)
-
-
-def with_inputs_lost(sample: Sample, how: Augmentation, rng: np.random.Generator) -> Sample:
-    """Returns the sample without its past or its intensities, or with scaled intensities.
-
-    Random numbers are only used for shares above 0 and a gain above 1.
-    """
-    points = sample.points.copy()
-    if how.no_past > 0 and rng.random() < how.no_past and has_past(points):
-        points[:, -COLUMNS:] = 0
-    if how.intensity_gain > 1:
-        power = rng.uniform(-1, 1)
-        points[:, 3] = np.minimum(points[:, 3] * np.float32(how.intensity_gain**power), 1)
-    if how.no_intensity > 0 and rng.random() < how.no_intensity:
-        points[:, 3] = 0
-    return replace(sample, points=points)
+    return with_pose_error(with_faults(sample, how, rng), how, rng)
 
 
 def with_pose_error(sample: Sample, how: Augmentation, rng: np.random.Generator) -> Sample:

@@ -30,7 +30,6 @@ from pyinfra.formats import kitti
 from pyinfra.formats.kitti import read_yaml
 from pyinfra.models.detectors.classes import numbers_of
 from pyinfra.models.training.accumulation import Accumulation
-from pyinfra.models.training.past import with_past
 
 if TYPE_CHECKING:
     from pyinfra.dataset import simulation
@@ -61,7 +60,6 @@ class Source:
     # (k,) class numbers of the boxes in each frame; if empty, all boxes are of the first class
     read_classes: Callable[[], tuple[IntArray, ...]] = tuple
     frames_version: str = ""  # number of the frames; empty if they were recorded
-    past_s: float = 0.0  # seconds of the past whose occupancy the clouds have (past.py); 0: none
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +80,6 @@ class Stream:
     # How samples are chosen, or a digest of their labels; the same when a training resumes.
     drawn: str = ""
     frames_version: str = ""  # numbers of the frames; empty if they were recorded
-    past_s: float = 0.0  # seconds of the past whose occupancy the clouds have (past.py); 0: none
 
 
 def read_source(
@@ -90,9 +87,8 @@ def read_source(
     tier: Tier,
     accumulation: Accumulation = ONE_FRAME,
     classes: tuple[ObjectClass, ...] = VEHICLES,
-    past_s: float = 0.0,
 ) -> Source:
-    """Returns the training frames of a folder. past_s: see `Source.past_s`.
+    """Returns the training frames of a folder.
 
     The training frames are listed in ImageSets/train.txt. If this file does not exist, they are the
     training frames of the split by time without those of val.txt and test.txt, or all frames if the
@@ -114,11 +110,7 @@ def read_source(
         preset=lidar.preset,
         scene=scene_of(folder),
         label_time=lidar.label_time,
-        clouds=with_past(
-            accumulation.clouds(read, frames, stackable, lidar.period_s),
-            *(read, frames, stackable, lidar.period_s, past_s),
-        ),
-        past_s=past_s,
+        clouds=accumulation.clouds(read, frames, stackable, lidar.period_s),
         read_boxes=lambda: hit_boxes(vehicles(), len(frames), classes)[0],
         read_warning=lambda: other_types(folder, frames, vehicles(), names),
         region=regions.region_of(folder, lidar.T_world_levelled),
@@ -134,12 +126,8 @@ def sequence_source(
     frames: FrameSequence,
     tier: Tier,
     classes: tuple[ObjectClass, ...] = VEHICLES,
-    past_s: float = 0.0,
 ) -> Source:
-    """Returns all frames of a sequence as training frames. Raises Error if the LiDAR is unknown.
-
-    past_s: see `Source.past_s`. The past consists of frames of the sequence.
-    """
+    """Returns all frames of a sequence as training frames. Raises Error if the LiDAR is unknown."""
     lidar = frames.lidar
     if lidar is None:
         raise Error("frames: expected frames of a LiDAR with a pose, got frames without")
@@ -150,11 +138,7 @@ def sequence_source(
         preset=lidar.preset,
         scene=frames.scene,
         label_time=lidar.label_time,
-        clouds=with_past(
-            ONE_FRAME.clouds(chosen.points_of, chosen.numbers, chosen.numbers, lidar.period_s),
-            *(frames.points_of, chosen.numbers, frames.numbers, lidar.period_s, past_s),
-        ),
-        past_s=past_s,
+        clouds=ONE_FRAME.clouds(chosen.points_of, chosen.numbers, chosen.numbers, lidar.period_s),
         read_boxes=lambda: hit_boxes(vehicles(), count, classes)[0],
         region=frames.region,
         ground=frames.ground,
@@ -256,7 +240,6 @@ def simulated_source(
     mount: str = "",
     accumulation: Accumulation = ONE_FRAME,
     classes: tuple[ObjectClass, ...] = VEHICLES,
-    past_s: float = 0.0,
 ) -> Source:
     """Returns the frames that `infrasim run` would write, simulated on demand without files.
 
@@ -276,11 +259,7 @@ def simulated_source(
         preset=unit.preset,
         scene=str(frames.keys["name"]),
         label_time=frames.label_time,
-        clouds=with_past(
-            accumulation.clouds(partial(cast, world, unit), frames.numbers, numbers, period_s),
-            *(partial(cast, world, unit), frames.numbers, numbers, period_s, past_s),
-        ),
-        past_s=past_s,
+        clouds=accumulation.clouds(partial(cast, world, unit), frames.numbers, numbers, period_s),
         read_boxes=lambda: labels()[0],
         region=frames.region,
         ground=frames.ground,

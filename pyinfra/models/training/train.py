@@ -33,8 +33,6 @@ from pyinfra.models.training.samples import Frames
 from pyinfra.models.training.sources import Source, Stream, on_road, spread
 
 if TYPE_CHECKING:
-    from torch import Tensor
-
     from pyinfra.models.detectors.network import Network
     from pyinfra.models.training.loop import Description, Progress
 
@@ -141,9 +139,6 @@ def _train_network(
         raise Error(f"learning.balance: expected 0 for {name}, got {recipe.learning.balance:g}")
     if getattr(recipe.network, "age", False) and stream.accumulation.frames == 1:
         raise Error("network.age: expected false for single frames, got true")
-    if network.past_s != stream.past_s:
-        wanted = f"{stream.past_s:g}, as the frames have"
-        raise Error(f"network.past_s: expected {wanted}, got {network.past_s:g}")
     if network.classes != stream.classes:
         raise Error(
             f"network.classes: expected {', '.join(stream.classes)} as in the labels, got "
@@ -202,10 +197,9 @@ def _provenance(recipe: Recipe, stream: Stream, seed: int) -> Provenance:
 def _begun_with(network: Network, start: Path, provenance: Provenance) -> Provenance:
     """Loads the weights of the network `start`; returns the changed description of the checkpoint.
 
-    `network` may have classes that `start` lacks. The weights of these classes stay random. It may
-    have inputs of a point that `start` lacks. Their weights are 0, so that the first boxes are
-    those of `start`. The calibration is copied if both networks have the same classes. Raises
-    FileNotFoundError, and ConfigError for weights that do not fit.
+    `network` may have classes that `start` lacks. The weights of these classes stay random. The
+    calibration is copied if both networks have the same classes. Raises FileNotFoundError, and
+    ConfigError for weights that do not fit.
     """
     import torch
 
@@ -220,7 +214,6 @@ def _begun_with(network: Network, start: Path, provenance: Provenance) -> Proven
             rows = [weights[key][index_of[c]] if c in index_of else row
                     for c, row in zip(network.classes, state[key], strict=True)]  # fmt: skip
             weights[key] = torch.stack(rows)
-    _match_inputs(network, loaded.network(), weights)
     try:
         network.load_state_dict(weights)
     except RuntimeError as error:
@@ -228,32 +221,8 @@ def _begun_with(network: Network, start: Path, provenance: Provenance) -> Proven
         raise ConfigError(
             f"{start}: expected weights of this network, got other weights: {first}"
         ) from None
-    start_digest = checkpoint.digest(file)
-    if loaded.classes != network.classes:
-        return replace(provenance, start=start_digest)
-    return replace(
-        provenance,
-        start=start_digest,
-        calibration=loaded.provenance.calibration,
-        calibration_past=loaded.provenance.calibration_past,
-    )
-
-
-def _match_inputs(network: Network, start: Network, weights: dict[str, Tensor]) -> None:
-    """Orders the weights of a pillar encoder by the inputs of `network`; new inputs get 0."""
-    import torch
-
-    from pyinfra.models.detectors.pillars import PillarEncoder
-
-    ours, theirs = (getattr(n, "encoder", None) for n in (network, start))
-    if not (isinstance(ours, PillarEncoder) and isinstance(theirs, PillarEncoder)):
-        return
-    key = "encoder.before.0.0.weight" if len(theirs.before) else "encoder.linear.weight"
-    if theirs.inputs == ours.inputs or len(theirs.before) != len(ours.before):
-        return
-    before = dict(zip(theirs.inputs, weights[key].T, strict=True))
-    none = weights[key].new_zeros(len(weights[key]))
-    weights[key] = torch.stack([before.get(name, none) for name in ours.inputs], dim=1)
+    line = loaded.provenance.calibration if loaded.classes == network.classes else None
+    return replace(provenance, start=checkpoint.digest(file), calibration=line)
 
 
 def common_label_time(sources: Sequence[Source]) -> LabelTime:
@@ -344,7 +313,6 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
     stream = Stream(
         *(lidar, preset, scene, label_time, frames, site, ground),
         accumulation=common_accumulation(sources),
-        past_s=sources[0].past_s,
         classes=sources[0].classes,
         drawn=f"labels {_digest(frames.boxes)}",
         frames_version=" ".join(numbers),

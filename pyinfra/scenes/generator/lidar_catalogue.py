@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
 
@@ -13,8 +13,6 @@ from pyinfra.core.config import ruled
 from pyinfra.core.errors import Error
 from pyinfra.dataset import simulation
 from pyinfra.dataset.lidars import catalogue_files, presets_of
-
-OFTEN = 3.0  # weight of the LiDARs of `Sensors.often`
 
 
 @dataclass(frozen=True)
@@ -35,27 +33,10 @@ class Sensors:
 
     files: tuple[Path, ...]
     presets: Mapping[str, float] = field(default_factory=lambda: asdict(PresetShares()))
-    often: tuple[str, ...] = ()  # names of LiDARs that are chosen OFTEN times as often as others
-
-    def with_more(self, files: Sequence[Path], often: Collection[str]) -> Sensors:
-        """Returns these LiDARs and those of further files, which have a preset of `presets`.
-
-        often: names of LiDARs, of which those that are not in the files have no effect. Raises
-        Error for a file that cannot be simulated.
-        """
-        for file in files:
-            if not _can_be_cast(file, self.presets):
-                raise Error(f"more: expected LiDAR files that can be simulated, got '{file}'")
-        return replace(self, files=(*self.files, *files), often=tuple(sorted(often)))
 
     def draw(self, random: np.random.Generator, count: int) -> list[simulation.Lidar]:
         """Returns `count` random LiDARs from different files, without phase lock."""
-        if self.often:
-            weights = np.array([OFTEN if file.stem in self.often else 1.0 for file in self.files])
-            shares = weights / weights.sum()
-            chosen = random.choice(len(self.files), count, replace=False, p=shares)
-        else:
-            chosen = random.permutation(len(self.files))[:count]
+        chosen = random.permutation(len(self.files))[:count]
         return [self._lidar(self.files[i], random.random()) for i in chosen]
 
     def _lidar(self, file: Path, u: float) -> simulation.Lidar:
