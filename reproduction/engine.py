@@ -7,7 +7,7 @@ and of the files that the command reads. A file is up to date if `steps.csv` has
 parts. The rows of a finished part stay in the working folder, so that a stopped run resumes. Until
 the file is complete, results/parts/ has a copy of them, to be committed.
 
-The parts run through joblib: in local processes, or in a Dask or Ray cluster with a common disk.
+The parts run through joblib: in local processes, or in a Dask cluster with a common disk.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ add_arguments = usage(
         choices=BACKENDS,
         default="local",
         help=(
-            "where the experiments run: on this machine (local), or on a Ray or Dask cluster; "
+            "where the experiments run: on this machine (local), or on a Dask cluster; "
             "default: local"
         ),
     ),

@@ -1,9 +1,7 @@
-"""Runs tasks through joblib in several processes, local or in a Ray or Dask cluster."""
+"""Runs tasks through joblib in several processes, local or in a Dask cluster."""
 
 import contextlib
-import os
 import signal
-import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -14,14 +12,11 @@ from typing import Any, Literal, TypeVar, get_args
 import joblib
 from joblib.externals import loky
 
-from pyinfra.core.errors import Error
-
 Task = TypeVar("Task")
 # Callback for lines of progress, also called in the processes of the tasks.
 Progress = Callable[[str], None]
-Backend = Literal["local", "ray", "dask"]
+Backend = Literal["local", "dask"]
 BACKENDS: tuple[Backend, ...] = get_args(Backend)
-RAY_CLUSTER = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"  # 0: only this machine
 # A cluster that this module starts listens on this address only, because a cluster runs code from
 # any sender.
 LOOPBACK = "127.0.0.1"
@@ -29,10 +24,6 @@ LOOPBACK = "127.0.0.1"
 
 def silent(_: str) -> None:
     """Discards the line."""
-
-
-class NoGpu(Error):
-    """Raised when tasks need a GPU and the cluster has none."""
 
 
 @dataclass(frozen=True)
@@ -75,19 +66,6 @@ def workers(pool: Pool) -> Iterator[None]:
             stack.enter_context(Client(where))
             stack.enter_context(joblib.parallel_config("dask", **needs))
             yield
-    elif pool.backend == "ray":
-        if not pool.address:
-            _listen_on_loopback()
-        import ray
-        from ray.util.joblib import register_ray
-
-        register_ray()
-        size: dict[str, Any]
-        size = {"address": pool.address} if pool.address else {"num_cpus": pool.jobs}
-        with ray.init(**size, include_dashboard=False):
-            needs = {"ray_remote_args": {"num_gpus": _share(pool)}} if pool.gpu else {}
-            with joblib.parallel_config("ray", n_jobs=pool.jobs, **needs):
-                yield
     else:
         with (
             warnings.catch_warnings(),
@@ -97,31 +75,6 @@ def workers(pool: Pool) -> Iterator[None]:
             # issues a warning.
             warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
             yield
-
-
-def _listen_on_loopback() -> None:
-    """Makes a Ray cluster that this process starts listen on the loopback address only.
-
-    Ray does this by default on other systems than Linux. On Linux it requires the environment
-    variable RAY_CLUSTER. The variable stays set, because Ray and the processes that it starts read
-    it at import. Raises Error if Ray was imported before the variable was set.
-    """
-    if "ray" in sys.modules and os.environ.get(RAY_CLUSTER) != "0":
-        raise Error(
-            f"backend: expected the environment variable {RAY_CLUSTER}=0 before `import ray`, "
-            "got none: the cluster would accept tasks from the network"
-        )
-    os.environ[RAY_CLUSTER] = "0"
-
-
-def _share(pool: Pool) -> float:
-    """Returns the number of GPUs of each Ray worker: 1, or less if workers outnumber GPUs."""
-    import ray
-
-    gpus = float(ray.cluster_resources().get("GPU", 0))
-    if gpus == 0:
-        raise NoGpu("device: expected cpu, got cuda: the cluster has no GPU")
-    return min(1.0, gpus / pool.jobs)
 
 
 def call_all(call: Callable[[Task], Any], tasks: Sequence[Task], pool: Pool) -> None:
@@ -181,7 +134,7 @@ def run(
         group = groups.pop(0)
         try:
             call_all(call, group, pool)
-        except (ImportError, NoGpu):
+        except ImportError:
             raise
         except Exception as error:
             rest = left(group)

@@ -8,7 +8,7 @@ the pretrained detector if the command uses it, and the files that the command r
     python -m reproduction results claims.csv people.csv --jobs 2
 
 A stopped run resumes. In another clone it resumes if results/parts/ was committed. Independent
-parts run side by side, in processes of this machine or of a Dask or Ray cluster. Commands that
+parts run side by side, in processes of this machine or of a Dask cluster. Commands that
 measure times run alone after them.
 """
 

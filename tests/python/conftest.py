@@ -16,8 +16,6 @@ from browser import Browser, start_browser
 
 from pyinfra.core.arrays import FloatArray
 
-os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"  # must be set before tests import Ray
-
 # These variables must be set before torch and OpenBLAS are loaded, here and in child processes.
 # Threads of small operations mostly wait for each other, and detectors use one thread
 # (network.one_thread).

@@ -126,13 +126,6 @@ def run(command: str, infrasim: Callable[..., object]) -> None:
         raise AssertionError(f"neither run nor parsed: {command}")
 
 
-def parse_ray(words: list[str]) -> None:
-    from ray.scripts.scripts import cli as ray
-
-    assert words[0] in ray.commands
-    ray.commands[words[0]].make_context(words[0], words[1:])
-
-
 def parse_dask(words: list[str]) -> None:
     import importlib
 
@@ -148,7 +141,7 @@ def parse_torchrun(words: list[str]) -> None:
     main.make_parser(parsed.training_script_args).parse_args(parsed.training_script_args)
 
 
-PARSERS = {"ray": parse_ray, "dask": parse_dask, "torchrun": parse_torchrun}
+PARSERS = {"dask": parse_dask, "torchrun": parse_torchrun}
 
 
 def check_make(words: list[str]) -> None:

@@ -32,8 +32,3 @@ def takes_a_gpu(task: Path) -> None:
         time.sleep(0.1)
         mark.unlink()
         task.write_text(device)
-
-
-def its_gpus(_: int) -> str:
-    time.sleep(0.2)
-    return os.environ["CUDA_VISIBLE_DEVICES"]

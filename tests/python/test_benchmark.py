@@ -14,8 +14,7 @@ import joblib
 import pandas as pd
 import psutil
 import pytest
-import ray
-from pool_tasks import dies, dies_once, its_gpus, takes_a_gpu
+from pool_tasks import dies, dies_once, takes_a_gpu
 
 from pyinfra.cli import main
 from pyinfra.core import machine_load as load
@@ -281,10 +280,7 @@ def test_a_training_that_went_on_has_the_seconds_of_all_its_steps(
     assert measure.trained(experiment, recipe, tmp_path, tmp_path, "cpu") == 4.0
 
 
-@pytest.mark.parametrize(
-    "backend",
-    [pytest.param(b, marks=pytest.mark.nightly if b == "ray" else []) for b in pool.BACKENDS],
-)
+@pytest.mark.parametrize("backend", pool.BACKENDS)
 def test_the_tasks_of_a_killed_worker_are_done_by_others(
     backend: pool.Backend, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -322,20 +318,6 @@ def test_gpus_are_named_as_the_process_sees_them(monkeypatch: pytest.MonkeyPatch
     assert gpus.visible() == ["0", "1"]
 
 
-@pytest.mark.nightly
-def test_ray_gives_each_worker_a_gpu_of_its_own_and_listens_to_this_machine_alone(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """The test tells Ray that GPUs exist."""
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent))  # folder of pool_tasks
-    ray_init = ray.init
-    monkeypatch.setattr(ray, "init", lambda **size: ray_init(**size, num_gpus=2))
-    with pool.workers(pool.Pool("ray", 2, gpu=True)):
-        visible_gpus = joblib.Parallel(batch_size=1)(joblib.delayed(its_gpus)(i) for i in range(4))
-        assert_this_machine_alone_is_listened_to()
-    assert set(visible_gpus) == {"0", "1"}
-
-
 def assert_this_machine_alone_is_listened_to() -> None:
     me = psutil.Process()
     addresses = {c.laddr.ip for p in (me, *me.children(recursive=True)) for c in listening(p)}
@@ -356,14 +338,6 @@ def test_dask_runs_tasks_where_gpus_are_and_listens_to_this_machine_alone() -> N
         assert_this_machine_alone_is_listened_to()
 
 
-@pytest.mark.nightly
-def test_a_cluster_without_gpus_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    ray_init = ray.init
-    monkeypatch.setattr(ray, "init", lambda **size: ray_init(**size, num_gpus=0))
-    with pytest.raises(pool.NoGpu, match="device: expected cpu, got cuda"):
-        pool.call_all(abs, [1], pool.Pool("ray", 1, gpu=True))
-
-
 def test_a_task_that_always_kills_its_worker_is_lost_alone(tmp_path: Path) -> None:
     tasks = [tmp_path / name for name in (*"abc", "victim")]
     lost: list[Path] = []
@@ -375,14 +349,9 @@ def test_a_task_that_always_kills_its_worker_is_lost_alone(tmp_path: Path) -> No
     assert not_there(tasks) == lost
 
 
-# starts two clusters, which takes 300 s beside a training and other tests
 @pytest.mark.nightly
-@pytest.mark.timeout(600)
-@pytest.mark.parametrize("backend", ["ray", "dask"])
-def test_a_cluster_gives_the_same_rows(
-    backend: str, results: Path, config: Path, tmp_path: Path
-) -> None:
-    assert main.main(words(config, tmp_path / "out", "--jobs", 2, "--backend", backend)) == 0
+def test_a_cluster_gives_the_same_rows(results: Path, config: Path, tmp_path: Path) -> None:
+    assert main.main(words(config, tmp_path / "out", "--jobs", 2, "--backend", "dask")) == 0
     pd.testing.assert_frame_equal(experiments_of(tmp_path / "out"), experiments_of(results))
 
 

@@ -11,7 +11,6 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
-from unittest import mock
 
 import numpy as np
 import yaml
@@ -260,30 +259,22 @@ def _reporting(
     watch: Callable[[Progress], None] | None,
 ) -> Iterator[Callable[[Progress], None]]:
     """Writes `run.yaml`, and yields a function that displays and logs the progress of a step."""
-    from torch.utils.tensorboard import SummaryWriter
-
     from pyinfra.models.training.loop import Log
 
     with replacing(out / "run.yaml") as beside:
         beside.write_text(yaml.safe_dump(as_plain(description), sort_keys=False))
     log, steps = Log(out / "log.csv", done), description.steps
-    # TensorBoard would write the name of this machine into the name of its file.
-    with mock.patch("socket.gethostname", return_value="host"):
-        board = SummaryWriter(str(out / "tensorboard"), purge_step=done + 1)
     hidden = quiet or not is_shown()
     bar = tqdm(total=steps, initial=done, unit="step", disable=hidden, file=sys.stderr)
 
     def report(progress: Progress) -> None:
         log(progress)
-        values = {"loss": progress.loss, "rate": progress.rate, **progress.parts}
-        for name, value in values.items():
-            board.add_scalar(name, value, progress.step)
         bar.set_postfix(loss=f"{progress.loss:.3f}", refresh=False)
         bar.update()
         if watch is not None:
             watch(progress)
 
-    with bar, board:
+    with bar:
         yield report
 
 
