@@ -106,13 +106,17 @@ def test_detection_on_frames_of_another_number_warns_once(
     assert capsys.readouterr().err.count(text) == 1
 
 
-@pytest.mark.parametrize("line", ["", "frames_version: 3\n"], ids=["recorded", "its own number"])
+@pytest.mark.parametrize(
+    ("line", "model"),
+    [("", "generalist"), ("frames_version: 3\n", "generalist-3")],
+    ids=["recorded", "its own number"],
+)
 def test_detection_on_recorded_frames_and_on_frames_of_the_training_does_not_warn(
-    line: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    line: str, model: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recorded_as(data.parent, line)
     words = ["detect", str(data), "--out", str(tmp_path / "boxes"), "--max-frames", "1"]
-    assert main.main(words) == 0
+    assert main.main([*words, "--model", model]) == 0
     assert "learnt from" not in capsys.readouterr().err
     found = pi.evaluate(data, tmp_path / "boxes", frames=[0]).findings
     assert OTHER_FRAMES not in [finding.name for finding in found]
