@@ -16,9 +16,10 @@ from matplotlib.figure import Figure
 
 from pyinfra.core.files import replacing
 from pyinfra.experiments.stress.stressors import NONE
-from pyinfra.metrics.comparison import over_replicates
+from pyinfra.metrics.comparison import Interval, over_replicates
 from pyinfra.viz.picture_style import COLOURS, STYLE
 from reproduction.commands.verdicts import LEVEL_AP, WIDE
+from reproduction.tables import integration, simulator, sites, tracks
 from reproduction.tables.common import LIDARS, results
 from reproduction.tables.verdicts import (
     AVIA,
@@ -34,6 +35,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 SVG: Any = {"svg.fonttype": "none", "svg.hashsalt": "infrasim"}
 DECIDE = ("fine-tuned", "from nothing")  # detectors that are trained for each LiDAR
 DETECTOR_SCENE = ("highway", "paper")
+VALUE = ["value", "low", "high"]
 
 
 @dataclass(frozen=True)
@@ -53,17 +55,22 @@ def rows_of_claim(claim: str, subset: str = "captured") -> pd.DataFrame:
     return columns.assign(row=where, series=table["judge"].map(JUDGES)).reset_index(drop=True)
 
 
-def draw_intervals(rows: pd.DataFrame, label: str, holds: tuple[float, float]) -> Figure:
-    """Draws a row for each scene and preset. holds: where an interval must lie for the claim."""
-    figure, ax = _empty()
+def draw_intervals(
+    rows: pd.DataFrame, label: str, holds: tuple[float, float] | None = None
+) -> Figure:
+    """Draws the intervals of each row. holds: where an interval must lie for the claim."""
     names, series = list(rows.row.unique()), list(rows.series.unique())
+    height = max(SIZE_IN[1], 0.9 + 0.09 * len(names) * (1 + len(series)))
+    figure = Figure(figsize=(SIZE_IN[0], height), layout="constrained")
+    ax = figure.subplots()
     for number, (name, part) in enumerate(rows.groupby("series", sort=False)):
-        y = part.row.map(names.index) + 0.24 * (number - (len(series) - 1) / 2)
+        y = part.row.map(names.index) + 0.6 / len(series) * (number - (len(series) - 1) / 2)
         ends = [part.value - part.low, part.high - part.value]
         style: Any = {"color": COLOURS[number], "fmt": MARKERS[number], "markersize": 4}
         ax.errorbar(part.value, y, xerr=ends, capsize=2, label=str(name), **style)
     left, right = ax.get_xlim()
-    ax.axvspan(max(left, holds[0]), min(right, holds[1]), color="0.92", zorder=0)
+    if holds is not None:
+        ax.axvspan(max(left, holds[0]), min(right, holds[1]), color="0.92", zorder=0)
     ax.axvline(0, color="0.4", linewidth=0.6)
     ax.set(yticks=range(len(names)), yticklabels=names, xlabel=label, xlim=(left, right))
     ax.invert_yaxis()
@@ -162,6 +169,94 @@ def draw_stress(rows: pd.DataFrame) -> Figure:
     return figure
 
 
+def rows_of_models() -> pd.DataFrame:
+    """Returns the change of AP with its interval by changed setting of the scene and LiDAR."""
+    rows = [
+        (f"{setting} {value}", LIDARS[lidar], *_ends(change))
+        for (setting, value), changes in simulator.changes_of_models().items()
+        for lidar, change in sorted(changes.items(), key=lambda pair: [*LIDARS].index(pair[0]))
+    ]
+    return pd.DataFrame(rows, columns=["row", "series", *VALUE])
+
+
+def rows_of_integration() -> pd.DataFrame:
+    """Returns the change of AP with its interval by speed, LiDAR, integration time and label."""
+    rows = [
+        (
+            f"{speed} km/h, {LIDARS[lidar]}",
+            integration.name_of(stack),
+            *_ends(integration.change(of_seeds, stack)),
+        )
+        for (speed, lidar), of_seeds in integration.aps("captured").items()
+        for stack in of_seeds
+        if stack != integration.SINGLE
+    ]
+    return pd.DataFrame(rows, columns=["row", "series", *VALUE])
+
+
+def rows_of_people() -> pd.DataFrame:
+    """Returns the median points on a pedestrian by distance and LiDAR of the study."""
+    table = results("people")
+    table = table[(table["class"] == "Pedestrian") & table.lidar.isin(LIDARS)]
+    table = table.sort_values("lidar", key=lambda c: c.map([*LIDARS].index), kind="stable")
+    return pd.DataFrame(
+        {"series": table.lidar.map(LIDARS), "x": table.from_m, "value": table.points}
+    )
+
+
+def draw_people(rows: pd.DataFrame) -> Figure:
+    figure, ax = _empty()
+    for number, (name, part) in enumerate(rows.groupby("series", sort=False)):
+        style: Any = {"color": COLOURS[number], "marker": MARKERS[number], "markersize": 3}
+        shown = part[part.value > 0]
+        ax.plot(shown.x, shown.value, linewidth=1, label=str(name), **style)
+    ax.axhline(sites.PEOPLE_POINTS, color="0.4", linewidth=0.6)
+    ax.set(yscale="log", xlabel="distance, m", ylabel="points on a pedestrian")
+    return _finished(figure, ax)
+
+
+def rows_of_tracks() -> pd.DataFrame:
+    """Returns the HOTA of the detector's tracks by scene, LiDAR and traffic seed."""
+    table = tracks.rows_of("detector")
+    names = {"row": table.scene.map(tracks.SCENES), "series": table.lidar.map(LIDARS)}
+    return pd.DataFrame({**names, "value": table.hota}).reset_index(drop=True)
+
+
+def draw_tracks(rows: pd.DataFrame) -> Figure:
+    figure, ax = _empty()
+    scenes = list(rows.row.unique())
+    for number, (name, part) in enumerate(rows.groupby("series", sort=False)):
+        style: Any = {"color": COLOURS[number], "marker": MARKERS[number], "markersize": 5}
+        ax.plot(part.value, part.row.map(scenes.index), linestyle="none", label=str(name), **style)
+    ax.set(yticks=range(len(scenes)), yticklabels=scenes, xlabel="HOTA", xlim=(0, 100))
+    ax.invert_yaxis()
+    return _finished(figure, ax)
+
+
+def rows_of_coverage() -> pd.DataFrame:
+    """Returns the recall of each option of plans: predicted, and the mean of further traffic."""
+    table = results("plan_coverage")
+    table = table[(table.figure == "recall") & (table.source == "predicted")]
+    return table[[*VALUE, "mean", "mean_low", "mean_high"]].reset_index(drop=True)
+
+
+def draw_coverage(rows: pd.DataFrame) -> Figure:
+    figure, ax = _empty()
+    ends = [rows.value - rows.low, rows.high - rows.value]
+    of_mean = [rows["mean"] - rows.mean_low, rows.mean_high - rows["mean"]]
+    style: Any = {"fmt": "o", "markersize": 3, "elinewidth": 0.6, "color": COLOURS[0]}
+    ax.errorbar(rows["mean"], rows.value, xerr=of_mean, yerr=ends, label="an option", **style)
+    ax.plot([0, 100], [0, 100], color="0.4", linewidth=0.6)
+    low = 5 * int(min(rows.low.min(), rows.mean_low.min()) // 5)
+    ax.set(xlim=(max(0, low), 100), ylim=(max(0, low), 100), aspect="equal")
+    ax.set(xlabel="vehicles found in further traffic, %", ylabel="predicted, %")
+    return _finished(figure, ax)
+
+
+def _ends(change: Interval) -> tuple[float, float, float]:
+    return change.value, change.low, change.high
+
+
 def _empty() -> tuple[Figure, Axes]:
     figure = Figure(figsize=SIZE_IN, layout="constrained")
     return figure, figure.subplots()
@@ -191,6 +286,13 @@ FIGURES: dict[str, Picture] = {  # by the name of the file in docs/pictures/resu
     "value": Picture(rows_of_prices, draw_prices),
     "detectors": Picture(rows_of_detectors, draw_detectors),
     "stress": Picture(rows_of_stress, draw_stress),
+    "ladder": Picture(rows_of_models, partial(draw_intervals, label="change of AP (R1000)")),
+    "integration": Picture(
+        rows_of_integration, partial(draw_intervals, label="change of AP (R1000) from 0.1 s")
+    ),
+    "people": Picture(rows_of_people, draw_people),
+    "tracks": Picture(rows_of_tracks, draw_tracks),
+    "plans": Picture(rows_of_coverage, draw_coverage),
 }
 
 

@@ -1,28 +1,54 @@
 """Makes the table of AP with stacked frames."""
 
+from __future__ import annotations
+
+import pandas as pd
+
+from pyinfra.metrics.comparison import Interval
 from reproduction.report.ladder import interval
 from reproduction.tables.common import LIDARS, markdown, mean_of_ap, results, signed
 
 PERIOD_S = 0.1  # of a frame
 LABELS_AT = {"newest": "", "middle": ", middle labelled"}
+SINGLE = (1, "newest")  # accumulate and label_at of single frames
+
+
+def aps(subset: str) -> dict[tuple[int, str], pd.DataFrame]:
+    """Returns AP (R1000) by seed and stack (accumulate, label_at), for each speed and LiDAR."""
+    table = results("integration").query("subset == @subset")
+    return {
+        (int(speed), str(lidar)): part.pivot(
+            index="seed", columns=["accumulate", "label_at"], values="ap_r1000"
+        )
+        for (speed, lidar), part in table.groupby(["speed_km_h", "lidar"], sort=False)
+    }
+
+
+def change(of_seeds: pd.DataFrame, stack: tuple[int, str]) -> Interval:
+    """Returns the change of AP by a stack of frames, paired by seed."""
+    return interval(of_seeds[stack] - of_seeds[SINGLE])
+
+
+def name_of(stack: tuple[int, str]) -> str:
+    frames, label_at = stack
+    return f"{PERIOD_S * frames:g} s{LABELS_AT[label_at]}"
 
 
 def integration(subset: str = "captured") -> str:
     """Returns AP (R1000) with single frames, and its change with stacked frames.
 
-    Values are means over traffic seeds. Changes are paired by seed.
+    Values are means over traffic seeds.
     """
-    table = results("integration")
-    table = table[table.subset == subset]
-    stacks = table[["accumulate", "label_at"]].drop_duplicates().apply(tuple, axis=1).to_list()
-    (single,) = (stack for stack in stacks if stack[0] == 1)
-    longer = [stack for stack in stacks if stack != single]
-    rows = []
-    for (speed, lidar), part in table.groupby(["speed_km_h", "lidar"], sort=False):
-        aps = part.pivot(index="seed", columns=["accumulate", "label_at"], values="ap_r1000")
-        changes = (
-            signed(interval(aps[stack] - aps[single])) if stack in aps else "" for stack in longer
-        )
-        rows.append([f"{speed} km/h", LIDARS[str(lidar)], mean_of_ap(aps[single]), *changes])
-    heads = [f"change, {PERIOD_S * n:g} s{LABELS_AT[label_at]}" for n, label_at in longer]
+    cases = aps(subset)
+    longer = list(dict.fromkeys(s for of_seeds in cases.values() for s in of_seeds if s != SINGLE))
+    rows = [
+        [
+            f"{speed} km/h",
+            LIDARS[lidar],
+            mean_of_ap(of_seeds[SINGLE]),
+            *(signed(change(of_seeds, s)) if s in of_seeds else "" for s in longer),
+        ]
+        for (speed, lidar), of_seeds in cases.items()
+    ]
+    heads = [f"change, {name_of(stack)}" for stack in longer]
     return markdown(["speed", "LiDAR", f"AP, {PERIOD_S:g} s", *heads], rows)

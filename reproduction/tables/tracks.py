@@ -12,7 +12,8 @@ SCENES = {
 }
 
 
-def _rows(boxes: str) -> pd.DataFrame:
+def rows_of(boxes: str) -> pd.DataFrame:
+    """Returns the rows of the detector's boxes, or of true boxes, by scene and LiDAR."""
     table = results("tracks")
     table = table[table.boxes == boxes]
     order = {name: i for i, name in enumerate(SCENES)} | {name: i for i, name in enumerate(LIDARS)}
@@ -34,7 +35,7 @@ def measures() -> str:
             number(row.speed_error_km_h),
             number(row.speed_p95_km_h),
         ]
-        for row in _rows("detector").itertuples()
+        for row in rows_of("detector").itertuples()
     ]
     heads = ["scene", "LiDAR", "HOTA", "DetA", "AssA", "MOTA", "switches, of vehicles"]
     heads += ["false tracks a minute", "speed error, km/h", "95 % below, km/h"]
@@ -53,7 +54,7 @@ def passages() -> str:
             f"{row.never}",
             f"{row.extra}",
         ]
-        for row in _rows("detector").itertuples()
+        for row in rows_of("detector").itertuples()
     ]
     heads = ["scene", "LiDAR", "true passages", "counted", "difference, %"]
     return markdown([*heads, "never counted", "counted without a vehicle"], rows)
@@ -72,7 +73,7 @@ def true_boxes() -> str:
             f"{row.passages}",
             number(row.speed_error_km_h),
         ]
-        for row in _rows("true").itertuples()
+        for row in rows_of("true").itertuples()
     ]
     heads = ["scene", "LiDAR", "vehicles", "tracks", "switches", "true passages", "counted"]
     return markdown([*heads, "speed error, km/h"], rows)
@@ -88,7 +89,7 @@ def times() -> str:
             f"{row.detector_ms:.0f}",
             number(row.tracker_ms),
         ]
-        for row in _rows("detector").itertuples()
+        for row in rows_of("detector").itertuples()
     ]
     heads = ["scene", "LiDAR", "tracks per frame", "detector, ms", "tracker and smoother, ms"]
     return markdown(heads, rows)
