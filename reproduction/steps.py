@@ -281,8 +281,8 @@ STEPS = (
         ("tracks.csv",),
         (
             Command(
-                "tracks --seeds 1",
-                0.3,
+                "tracks --seeds 1 2 3",
+                0.9,
                 "column detector_ms",
                 "tracks",
                 True,

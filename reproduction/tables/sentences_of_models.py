@@ -10,6 +10,7 @@ from reproduction.tables.label_times import ANGLES_DEG, WIDE, of_setup, trained_
 from reproduction.tables.networks import of_unseen_sites
 from reproduction.tables.sentences import known, span, within
 from reproduction.tables.simulator import changes_of_models
+from reproduction.tables.tracks import rows_of as tracked
 
 LEAST_CHANGE = 3.0  # percent; models that change the points by less are off
 
@@ -145,8 +146,8 @@ def lidar_models() -> str:
 
 
 def tracks() -> str:
-    table = results("tracks")
-    table = table[(table.boxes == "detector") & table.lidar.isin(("ruby_plus", "pandar_64"))]
+    table = tracked("detector")
+    table = table[table.lidar.isin(("ruby_plus", "pandar_64"))]
     off = 100 * (table.passages - table.passages_true).abs() / table.passages_true
     return (
         f"With 64 and 128 lines, HOTA is {span(table.hota)}, and counts differ from the truth by "

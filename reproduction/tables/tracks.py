@@ -12,12 +12,20 @@ SCENES = {
 }
 
 
+MEANS = ("hota", "det_a", "ass_a", "mota", "false_tracks_per_min", "speed_error_km_h")
+MEANS += ("speed_p95_km_h", "tracks_per_frame", "detector_ms", "tracker_ms")
+SUMS = ("switches", "objects", "passages_true", "passages", "never", "extra")
+SUMS += ("all_vehicles", "all_tracks")
+
+
 def rows_of(boxes: str) -> pd.DataFrame:
-    """Returns the rows of the detector's boxes, or of true boxes, by scene and LiDAR."""
+    """Returns a row for each scene and LiDAR: means or sums over the traffic seeds."""
     table = results("tracks")
     table = table[table.boxes == boxes]
-    order = {name: i for i, name in enumerate(SCENES)} | {name: i for i, name in enumerate(LIDARS)}
-    return table.sort_values(["scene", "lidar", "seed"], key=lambda c: c.map(order).fillna(c))
+    groups = table.groupby(["scene", "lidar"], sort=False)
+    how = dict.fromkeys(MEANS, "mean") | dict.fromkeys(SUMS, "sum")
+    order = {name: i for i, name in enumerate((*SCENES, *LIDARS))}
+    return groups.agg(how).reset_index().sort_values(["scene", "lidar"], key=lambda c: c.map(order))
 
 
 def measures() -> str:
@@ -48,11 +56,11 @@ def passages() -> str:
         [
             SCENES[row.scene],
             LIDARS[row.lidar],
-            f"{row.passages_true}",
-            f"{row.passages}",
+            f"{row.passages_true:.0f}",
+            f"{row.passages:.0f}",
             f"{100 * (row.passages - row.passages_true) / max(row.passages_true, 1):+.0f}",
-            f"{row.never}",
-            f"{row.extra}",
+            f"{row.never:.0f}",
+            f"{row.extra:.0f}",
         ]
         for row in rows_of("detector").itertuples()
     ]
@@ -69,8 +77,8 @@ def true_boxes() -> str:
             f"{row.all_vehicles:.0f}",
             f"{row.all_tracks:.0f}",
             f"{row.switches:.0f}",
-            f"{row.passages_true}",
-            f"{row.passages}",
+            f"{row.passages_true:.0f}",
+            f"{row.passages:.0f}",
             number(row.speed_error_km_h),
         ]
         for row in rows_of("true").itertuples()
