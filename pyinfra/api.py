@@ -104,7 +104,7 @@ def train(
     check_name(tier, TIERS, "tier")
     given: list[Any] = list(frames) if isinstance(frames, (list, tuple)) else [frames]
     if not given:
-        raise Error("frames: expected one or more, got none")
+        raise Error("frames: expected one or more frames, got none")
     recipe = read_recipe(file_or_name(config, shipped("detectors"), "config"), tier)
     if steps is not None:
         recipe = replace(recipe, learning=replace(recipe.learning, steps=steps))

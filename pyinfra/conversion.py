@@ -296,9 +296,10 @@ def export_tracks(tracks: pd.DataFrame, file: StrPath, *, lidar: str = "lidar") 
     """
     path = path_of(file, "file")
     if path.suffix not in TRACK_FILES:
-        raise Error(f"file: expected {', '.join(TRACK_FILES)}, got '{path}'")
+        ends = ", ".join(TRACK_FILES)
+        raise Error(f"file: expected a file name that ends in {ends}; got '{path}'")
     if missing := [name for name in TRACK_COLUMNS if name not in tracks]:
-        raise Error(f"tracks: expected the columns of `track`, got no {missing[0]}")
+        raise Error(f"tracks: expected the column '{missing[0]}' of `track`, got none")
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix == ".csv":
         write_tracks(path, tracks)

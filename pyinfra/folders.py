@@ -91,7 +91,7 @@ def split(
     from pyinfra.dataset.split import by_random, by_seed, by_time, write
 
     if (by == "seed") != (val_data is not None):
-        raise Error("val_data: expected exactly if `by` is 'seed'")
+        raise Error("val_data: required if `by` is 'seed', and only allowed then")
     whole = read_data_set(path_of(data, "data"))
     if val_data is not None:
         validation = read_data_set(path_of(val_data, "val_data"))
@@ -147,7 +147,10 @@ def validate(
         lidars = folders_with_frames(folder)
         if found is not None and len(lidars) > 1:
             names = ", ".join(lidar.name for lidar in lidars)
-            raise Error(f"{folder}: expected one of {names}, got several LiDARs with predictions")
+            raise Error(
+                f"{folder}: expected the folder of one LiDAR with predictions, got the LiDARs "
+                f"{names}"
+            )
         findings = [
             finding
             for lidar in lidars
@@ -294,13 +297,13 @@ def propose_region(data: FrameSequence | StrPath, out: StrPath | None = None) ->
 
     file = None if out is None else path_of(out, "out")
     if file is not None and file.suffix not in (".yaml", ".yml"):
-        raise Error(f"out: expected a .yaml file, got {file}")
+        raise Error(f"out: expected a file name that ends in .yaml, got {file}")
     with _folders(data, of_lidar=True) as (folder,):
         proposal = propose_of_folder(folder)
     if proposal.seconds < SHORT_S:
         warnings.warn(
-            f"the recording has {proposal.seconds:g} s: lanes without a vehicle in this time are "
-            f"missing in the outline; {SHORT_S:g} s or more are better",
+            f"the recording has {proposal.seconds:g} s; lanes without a vehicle in this time are "
+            f"missing in the outline; use a recording of {SHORT_S:g} s or more",
             stacklevel=CALLER,
         )
     if file is not None:

@@ -64,7 +64,8 @@ def work_folder(text: str) -> Path:
         found = str(FIRST) if folder.is_dir() and any(folder.iterdir()) else number
     if found != number:
         raise argparse.ArgumentTypeError(
-            f"{folder}: expected a folder of frames {number}, got {found}: use another folder"
+            f"{folder}: expected frames of {COLUMN} {number}, got {COLUMN} {found}; choose a "
+            "different folder"
         )
     folder.mkdir(parents=True, exist_ok=True)
     if not file.is_file():

@@ -39,7 +39,9 @@ def without_constants(module: ModuleType, words: Sequence[str]) -> list[str]:
         if match is None:
             others.append(word)
         elif not hasattr(module, match[1]):
-            raise Error(f"expected a constant of {module.__name__}, got {match[1]}")
+            raise Error(
+                f"{word}: expected the name of a constant of {module.__name__}, got {match[1]}"
+            )
         else:
             setattr(module, match[1], eval(match[2], vars(module)))
     return others

@@ -41,8 +41,8 @@ def check_folder(folder: Path, frames: range) -> None:
         lidar = velodyne.parents[1]
         if others := set(kitti.frames(lidar)) - set(frames):
             raise Error(
-                f"{lidar}: expected every {frames.step}th, got frame {min(others)} that `frames` "
-                "does not have; choose another `out`"
+                f"{lidar}: expected frames 0, {frames.step}, {2 * frames.step}, ... as `frames` "
+                f"selects, got frame {min(others)}; choose a different `out`"
             )
 
 

@@ -297,7 +297,7 @@ def levels(steps: Sequence[Step], wanted: Sequence[str]) -> Iterator[list[Step]]
     """
     makers = {file: step for step in steps for file in step.files}
     if unknown := [name for name in wanted if name not in makers]:
-        raise Error(f"files: expected some of {' '.join(sorted(makers))}; got {unknown[0]}")
+        raise Error(f"files: expected names of {' '.join(sorted(makers))}; got {unknown[0]}")
     chosen: dict[Step, set[Step]] = {}
     queue = [makers[name] for name in wanted] or list(steps)
     while queue:

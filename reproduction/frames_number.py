@@ -20,7 +20,8 @@ def number_of(table: pd.DataFrame, name: str) -> int:
     if len(numbers) > 1:
         listed = " and ".join(map(str, numbers))
         raise Error(
-            f"{name}: {COLUMN}: expected rows of one number, got {listed}: measure the others again"
+            f"{name}: {COLUMN}: expected the same value in all rows, got {listed}; measure the "
+            f"rows with {numbers[0]} again"
         )
     return numbers[0] if numbers else FIRST
 
@@ -33,11 +34,12 @@ def common_number(numbers: dict[str, int]) -> int:
     if len(set(numbers.values())) > 1:
         each = ", ".join(f"{name} {number}" for name, number in sorted(numbers.items()))
         raise Error(
-            f"{COLUMN}: expected tables of one number, got {each}: measure the others again"
+            f"{COLUMN}: expected the same value in all tables, got {each}; measure the older "
+            "tables again"
         )
     return next(iter(numbers.values()), FIRST)
 
 
 def sentence(number: int) -> str:
     """Returns the sentence that names the frames on which a table rests."""
-    return f"Measured on frames {number} (version {VERSIONS[number]})."
+    return f"Measured on frames of simulator version {VERSIONS[number]} (`{COLUMN}` {number})."

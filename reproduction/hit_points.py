@@ -110,9 +110,12 @@ def read_hits(summary: Path) -> pd.Series:
     table = read_csv(summary)
     missing = [column for column in SUMMARY_COLUMNS if column not in table.columns]
     if missing:
-        raise Error(f"{summary}:1: expected {SUMMARY_COLUMNS}, got no column {missing[0]}")
+        names = ", ".join(SUMMARY_COLUMNS)
+        raise Error(
+            f"{summary}:1: expected the columns {names}; the column {missing[0]} is missing"
+        )
     if len(table) == 0 or (table["frames"] < 1).any():
-        raise Error(f"{summary}: expected frames, got none")
+        raise Error(f"{summary}: expected one or more frames for each LiDAR, got none")
     hits = table.set_index("lidar")["hits_per_frame"].astype(float)
     return hits.rename("hits")
 

@@ -63,8 +63,8 @@ add_arguments = usage(
     argument(
         "--address",
         default="",
-        help="address of a running cluster, with --backend ray or dask; default: start one on "
-        "this machine",
+        help="address of a running Dask cluster, with --backend dask; default: start a cluster "
+        "on this machine",
     ),
     argument(
         "--device",
@@ -81,8 +81,8 @@ add_arguments = usage(
         dest="until_ap",
         type=float,
         metavar="AP",
-        help="repeat the benchmark with other traffic, 3, 5 or 10 times, until the difference of "
-        "the best two options is known to this many AP (half-width of its interval) in every "
+        help="repeat the benchmark with other traffic, 3, 5 or 10 times, until the interval of the "
+        "difference between the best two options has at most this half-width in AP, in every "
         "scene and preset; default: one run",
     ),
     argument(

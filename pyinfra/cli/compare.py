@@ -40,8 +40,8 @@ add_arguments = usage(
 def run(args: argparse.Namespace) -> int:
     if len(args.places) < 2:
         raise Error(f"PLACE: expected two folders or more, got {len(args.places)}")
-    if len(set(args.places)) < len(args.places):
-        raise Error("PLACE: expected every folder once, got a folder twice")
+    if twice := [place for place in args.places if args.places.count(place) > 1]:
+        raise Error(f"PLACE: expected each folder once, got {twice[0]} twice")
     table = compare_places(args.places, args.ground_truth)
     if args.out:
         check_output(args.out, ",".join(table.columns[:3]).encode())

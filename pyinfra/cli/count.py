@@ -17,7 +17,7 @@ add_arguments = usage(
         "site",
         metavar="SITE",
         type=Path,
-        help="folder of the LiDAR, whose roads give the lines, or a YAML file with "
+        help="folder of a LiDAR, whose roads get lines, or a YAML file with "
         "`lines_m: {name: [[x, y], [x, y]]}` in the levelled LiDAR frame",
     ),
     argument("--out", type=Path, required=True, help="folder for tables and page"),

@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
         BENCHMARK, out / "results", work=out / "work", tier=TIER, jobs=jobs, progress=progress
     )
     if "reason" in table and table.reason.notna().any():
-        raise Error(f"{out}: expected all experiments to succeed, got a failure: see above")
+        raise Error(f"{out}: an experiment failed; the messages above state the cause")
     data = out / "work/data" / f"{table.scene[0]}_{table.preset[0]}"
     material = read_material(out / "results", [data], [], TIER)
     report = page(material)

@@ -50,8 +50,8 @@ from pyinfra.tracking.state import Boxes
 from pyinfra.tracking.tracker import Tracker
 
 NOTHING = (
-    "no box in any frame: are the sensor's height, its frame (z up, origin at the sensor) and the "
-    "region right?"
+    "no box in any frame; check the sensor's height, its frame (z up, origin at the sensor) and "
+    "the region"
 )
 PRETRAINED = "generalist"
 # Minimum score of a box that the summary counts separately. Detectors return boxes with scores of
@@ -134,8 +134,8 @@ add_arguments = usage(
     argument(
         "--follow",
         action="store_true",
-        help="wait for clouds in the folder DATA, which grows, and print a JSON line of tracks for "
-        "each; frames are dropped while the machine is too slow",
+        help="wait for new clouds in the folder DATA and print a JSON line of tracks for each; "
+        "frames are dropped while the machine is too slow",
     ),
     argument(
         "--period-s",
@@ -146,7 +146,7 @@ add_arguments = usage(
         "--idle-s",
         type=float,
         default=float("inf"),
-        help="--follow ends after so many seconds without a new cloud; default: never",
+        help="end --follow after this many seconds without a new cloud; default: never",
     ),
     argument(
         "--device", default="cpu", help="device of a network: cpu, cuda, cuda:1, ...; default: cpu"
@@ -154,13 +154,13 @@ add_arguments = usage(
     argument(
         "--threads",
         type=int,
-        help="number of threads per frame, used by detectors centerpoint-pillar on a CPU, such as "
-        "the pretrained detector; default: one per core, at most 4",
+        help="number of threads per frame, used by the detector centerpoint-pillar on a CPU, and "
+        "so by the pretrained detector; default: one per core, at most 4",
     ),
     argument(
         "--allow-transfer",
         action="store_true",
-        help="do not warn if the detector was trained on another LiDAR, preset or scene",
+        help="do not warn if the detector was trained on a different LiDAR, preset or scene",
     ),
 )
 
@@ -194,9 +194,10 @@ def run(args: argparse.Namespace) -> int:
 def _follow(args: argparse.Namespace) -> int:
     """Prints a JSON line of tracks for each new cloud of a growing folder."""
     if len(args.inputs) != 1 or not args.inputs[0].is_dir():
-        raise Error("DATA: expected one folder with --follow, got something else")
+        inputs = " ".join(map(str, args.inputs))
+        raise Error(f"DATA: expected one folder with --follow, got {inputs}")
     if args.out is not None:
-        raise Error("--out: expected none with --follow, which prints, got one")
+        raise Error(f"--out: expected no folder with --follow, which prints, got {args.out}")
     model = model_file(args.model, args.checkpoint)
     check_single(model, accumulation_of(model).frames)
     site = place(None, args.height_m, args.region)
@@ -230,22 +231,28 @@ def _check(args: argparse.Namespace) -> None:
             f"--max-frames {args.frames}"
         )
     if args.frames and args.split:
-        raise Error("--frames: expected no --split beside it, got both")
+        raise Error("--frames: use --frames or --split, not both")
     model = str(args.model)
     if not args.model.exists() and args.model.name == model and model not in shipped():
         near = suggestion(model, shipped())
-        raise Error(f"--model: expected a training, a file or a name, got '{model}'{near}")
+        raise Error(
+            "--model: expected an output folder of `pyinfra train`, a model file or the name of a "
+            f"pretrained detector, got '{model}'{near}"
+        )
     folders = [path for path in args.inputs if path.is_dir()]
     if folders and len(args.inputs) > 1:
-        raise Error(f"DATA: expected one folder, or clouds alone, got {len(args.inputs)} inputs")
+        raise Error(
+            f"DATA: expected one folder or a list of point clouds, got {len(args.inputs)} inputs "
+            f"with the folder {folders[0]}"
+        )
     args.inputs = [_folder_of(folder) for folder in folders] or args.inputs
     if folders and args.out is None:
-        raise Error("--out: expected a folder for the boxes, got none")
+        raise Error("--out: expected a folder for the boxes, because DATA is a folder, got none")
     if not folders and args.drop_standing:
-        raise Error("--drop-standing: expected the folder of a LiDAR, got clouds alone")
+        raise Error("--drop-standing: expected a LiDAR's folder as DATA, got files of point clouds")
     if not folders and (args.frames or args.max_frames or args.split):
         option = "--frames" if args.frames else "--max-frames" if args.max_frames else "--split"
-        raise Error(f"{option}: expected the folder of a LiDAR, got clouds alone")
+        raise Error(f"{option}: expected a LiDAR's folder as DATA, got files of point clouds")
     for path in args.inputs:
         path.stat()  # raises FileNotFoundError, before the place of a cloud is examined
 
@@ -254,8 +261,8 @@ def _folder_of(folder: Path) -> Path:
     """Returns the LiDAR's folder. Raises Error for the folder of a trained detector."""
     if any((folder / name).is_file() for name in ("last.safetensors", "background.npz")):
         raise Error(
-            f"{folder}: expected the folder of a LiDAR or clouds, got a trained detector; "
-            f"use --model {folder}"
+            f"{folder}: expected a LiDAR's folder or point clouds, got the folder of a trained "
+            f"detector; use --model {folder}"
         )
     return lidar_folder(folder)
 
@@ -271,7 +278,7 @@ def _in_folder(args: argparse.Namespace, model: Path) -> FolderDetections:
         draw = (
             f"`{command}` proposes an outline, and --region takes it, here and in `pyinfra import`"
         )
-        warn(f"{text}: {draw}", args)
+        warn(f"{text}; {draw}", args)
     allowed = args.allow_transfer
     if text := learnt_warning(model, data, args.split, allow_transfer=allowed):
         warn(text, args)
@@ -286,7 +293,7 @@ def _in_folder(args: argparse.Namespace, model: Path) -> FolderDetections:
     progress = partial(warn, args=args)
     result = detect_folder(model, data, args.out, files=files, where=site, warn=progress, **how)
     if result.left_out is not None:
-        print(f"{result.left_out} boxes removed, because they are where nothing moves")
+        print(f"{result.left_out} boxes removed, because nothing ever moves at their positions")
     return result
 
 
@@ -295,7 +302,7 @@ def _in_clouds(args: argparse.Namespace, model: Path) -> FolderDetections:
     site = place(None, args.height_m, args.region)
     detector = detector_at_place(model, site, args.device, checked_threads(args.threads))
     if text := region_warning(model, site):
-        warn(f"{text}: --region takes an outline of the road", args)
+        warn(f"{text}; --region takes an outline of the road", args)
     read, notes = cloud_reader(args.inputs)
     for note in notes:
         warn(note, args)

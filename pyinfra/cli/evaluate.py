@@ -38,8 +38,8 @@ add_arguments = usage(
         "--ground-truth",
         nargs="+",
         choices=SUBSETS,
-        help="which vehicles of the region count. captured: vehicles with points of this LiDAR; "
-        "common: visible vehicles in the field of view of every LiDAR of the data set; all: "
+        help="which vehicles of the region are evaluated. captured: vehicles with points of this "
+        "LiDAR; common: visible vehicles in the field of view of every LiDAR of the data set; all: "
         "vehicles visible from the mount; present: all vehicles, visible or not (to compare "
         "mounts). Default: captured all, or captured if the folder has no objects",
     ),

@@ -176,7 +176,7 @@ def run(args: argparse.Namespace) -> int:
     source = recording_folder(args.source)
     if args.format is None and source.exists():
         args.format, reason = guess_format(source)
-        print(f"guessed: format {args.format}, because of {reason}; --from chooses another")
+        print(f"guessed: format {args.format}, because of {reason}; --from sets a different format")
     args.types = parse_types(args.types)
     args.label_columns = parse_columns(args.label_columns)
     with printed_findings(args):

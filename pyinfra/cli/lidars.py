@@ -58,7 +58,7 @@ add_arguments = usage(
 def run(args: argparse.Namespace) -> int:
     files = [file_of(word) for word in args.lidars]
     if (args.from_table is None) != (args.out is None):
-        raise Error("--from-table: expected --out beside it, got one without the other")
+        raise Error("--from-table: use --from-table and --out together")
     if args.from_table is not None:
         table = read_beam_table(args.from_table)
         beside = write_lidar_file(table, args.out)

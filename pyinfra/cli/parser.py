@@ -98,7 +98,7 @@ def check_options(parser: argparse.ArgumentParser, words: Sequence[str]) -> None
             continue
         current = RENAMED.get(f"{command.partition(' ')[0]} {name}") or RENAMED.get(name)
         if current is not None:
-            parser.error(f"{name}: expected {current}; renamed in version 0.4")
+            parser.error(f"{name}: renamed in version 0.4; use {current}")
         parser.error(f"{name}: no such option{near(name, names)}")
 
 

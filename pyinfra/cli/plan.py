@@ -41,7 +41,7 @@ add_arguments = usage(
         dest="within_m",
         type=float,
         default=Request.within_m,
-        help="distance in metres from the centre within which vehicles count; "
+        help="distance in metres from the centre, within which vehicles are included; "
         f"default: {Request.within_m:g}",
     ),
     argument(

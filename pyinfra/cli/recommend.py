@@ -39,9 +39,9 @@ add_arguments = usage(
         dest="range_m",
         type=float,
         default=Requirements.range_m,
-        help="maximum distance, one of 10, 20 ... 100 m; AP, recall and coverage count only "
-        "vehicles and roads within it; it is measured along the road or, at a site from a map, "
-        "from the sensor; with 100, AP and recall are those of the whole region; "
+        help="maximum distance, one of 10, 20 ... 100 m; AP, recall and coverage include "
+        "only vehicles and roads within it; it is measured along the road or, at a site from a "
+        "map, from the sensor; with 100, AP and recall are those of the whole region; "
         f"default: {Requirements.range_m:g}",
     ),
     argument(

@@ -50,7 +50,7 @@ add_arguments = usage(
             dest="range_m",
             type=float,
             help=(
-                "maximum distance of the vehicles and roads that count, in metres; default: "
+                "maximum distance of the vehicles and roads that are included, in metres; default: "
                 f"{Requirements.range_m:g}"
             ),
         ),

@@ -29,7 +29,12 @@ add_arguments = usage(
         default=0,
         help="cyclists that enter the region in an hour; default: 0",
     ),
-    argument("--seconds", type=float, default=500, help="length of the trajectories; default: 500"),
+    argument(
+        "--seconds",
+        type=float,
+        default=500,
+        help="length of the trajectories, in seconds; default: 500",
+    ),
     argument("--seed", type=int, default=1, help="seed of the traffic; default: 1"),
 )
 

@@ -34,7 +34,7 @@ def _classes(text: str) -> dict[str, str]:
     if wrong or len(pairs) != len(text.split(",")):
         got = wrong[0] if wrong else text
         raise argparse.ArgumentTypeError(
-            f"expected NAME=CLASS,... with CLASS of {', '.join(CLASSES)}, got '{got[:60]}'"
+            f"expected NAME=CLASS,... with CLASS one of {', '.join(CLASSES)}; got '{got[:60]}'"
         )
     return pairs
 
@@ -43,7 +43,7 @@ def _pairs(text: str) -> dict[str, str]:
     """Parses `a=b,c=d` to a mapping."""
     pairs = [part.split("=") for part in text.split(",")]
     if any(len(pair) != 2 or not all(pair) for pair in pairs):
-        raise argparse.ArgumentTypeError(f"expected NAME=OTHER,.., got '{text[:60]}'.")
+        raise argparse.ArgumentTypeError(f"expected NAME=COLUMN,..., got '{text[:60]}'")
     return {pair[0]: pair[1] for pair in pairs}
 
 

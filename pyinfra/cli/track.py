@@ -76,7 +76,7 @@ add_arguments = usage(
         "--hidden-s",
         type=float,
         default=DEFAULT.hidden_s,
-        help=f"the same for a track that is hidden or stands; default: {DEFAULT.hidden_s:g}",
+        help=f"as --missed-s, for a track that is hidden or stands; default: {DEFAULT.hidden_s:g}",
     ),
     argument(
         "--live",
@@ -92,7 +92,7 @@ add_arguments = usage(
         "--within-m",
         type=float,
         default=80.0,
-        help="largest distance of vehicles that the printed measures count; default: 80",
+        help="largest distance of the vehicles in the printed measures, in metres; default: 80",
     ),
 )
 
@@ -103,7 +103,8 @@ def run(args: argparse.Namespace) -> int:
     if str(args.data) == "-":
         return _live(args, Tracker(settings))
     if args.out is None or args.out.suffix not in TRACK_FILES:
-        raise Error(f"out: expected a file {', '.join(TRACK_FILES)}, got '{args.out or 'none'}'")
+        ends = ", ".join(TRACK_FILES)
+        raise Error(f"out: expected a file name that ends in {ends}; got '{args.out or 'none'}'")
     folder = lidar_folder(args.data)
     everything = args.frames is None
     numbers = frame_numbers(folder, "all") if everything else frame_range(args.frames, folder)
@@ -113,7 +114,10 @@ def run(args: argparse.Namespace) -> int:
     export_tracks(tracks, args.out, lidar=frames.name)
     print(_summary(tracks, frames))
     if not len(tracks):
-        warn("no track: are there boxes, and is the frame period right?", args)
+        warn(
+            "no track was found; check that there are boxes and that the frame period is right",
+            args,
+        )
     elif has_labels(folder) and (folder / "training/objects").is_dir():
         m = evaluate_tracks(frames, tracks, within_m=args.within_m, lines=[]).measures
         print(
@@ -127,7 +131,8 @@ def run(args: argparse.Namespace) -> int:
 def _live(args: argparse.Namespace, tracker: Tracker) -> int:
     """Prints a JSON line of tracks for each JSON line of boxes."""
     if args.out is not None or args.pred is not None:
-        raise Error("DATA: expected - alone, got it with PRED or --out")
+        given = "--out" if args.pred is None else "PRED"
+        raise Error(f"DATA: expected `-` without PRED and --out, got {given}")
     for line in live_lines(new_lines(sys.stdin, drop=not args.keep_all), boxes_of_line, tracker):
         print(line, flush=True)
     return 0

@@ -111,7 +111,7 @@ add_arguments = usage(
 
 def run(args: argparse.Namespace) -> int:
     if not 0 < args.budget <= 100:
-        raise Error(f"--step-factor: expected above 0 to 100, got {args.budget:g}")
+        raise Error(f"--step-factor: expected more than 0, at most 100, got {args.budget:g}")
     if args.seed < 0:
         raise Error(f"--seed: expected 0 or more, got {args.seed}")
     recipe = read_recipe(file_or_name(args.config, shipped("detectors"), "CONFIG"), args.tier)
@@ -141,8 +141,8 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
     if DETECTORS[recipe.detector].learnt or not recipe.network.within_region:
         if args.region is not None:
             raise Error(
-                "--region: expected none except for background with network.within_region, got a "
-                "file"
+                f"--region: expected no file for {recipe.detector}, got {args.region}; only "
+                "background with network.within_region uses a region"
             )
         return sources
     if args.region is not None:
@@ -151,8 +151,8 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
     for source in sources:
         if source.region is None:
             note(
-                f"{recipe.detector}: {source.lidar}: no roads.csv and no `region`: every moving "
-                "object counts as a vehicle",
+                f"{recipe.detector}: {source.lidar}: no roads.csv and no `region`, so every moving "
+                "object is taken for a vehicle",
                 args,
             )
     return sources
@@ -164,27 +164,30 @@ def check_mount(mount: str, scene: str | None) -> None:
     Training cannot simulate fused frames.
     """
     if mount and scene is None:
-        raise Error(f"--mount: expected only with --scene, got '{mount}' without --scene")
+        raise Error(f"--mount: expected --scene with it, got '{mount}' without --scene")
     if mount == "fused":
         raise Error(
-            "--mount: expected one mount's name, got 'fused': train on fused frames with "
-            "`infrasim run SCENE --fuse --out OUT` and the folder OUT/fused/LIDAR"
+            "--mount: expected the name of one mount, got 'fused'; to train on fused frames, run "
+            "`infrasim run SCENE --fuse --out OUT` and give the folder OUT/fused/LIDAR as DATA"
         )
 
 
 def _sources(args: argparse.Namespace, recipe: Recipe) -> list[Source] | Stream:
     kinds = [bool(args.data), args.scene is not None, args.sites is not None]
     if sum(kinds) != 1 or (args.scene is None) != (args.lidar is None):
+        options = [f"--{key}" for key in ("scene", "lidar", "sites") if getattr(args, key)]
+        given = " ".join([*["folders"][: len(args.data)], *options])
         raise Error(
-            "DATA: expected exactly one source of frames: folders, --scene with --lidar, or --sites"
+            "DATA: expected one source of frames (folders, --scene with --lidar, or --sites), got "
+            f"{given or 'none'}"
         )
     check_mount(args.mount, args.scene)
     accumulation = Accumulation(args.accumulate, args.label_at)
     if args.sites is not None:
         if accumulation.frames > 1:
             raise Error(
-                f"--accumulate: expected 1, got {accumulation.frames} with --sites: streams give "
-                "single frames"
+                "--accumulate: expected 1 with --sites, which simulates single frames, got "
+                f"{accumulation.frames}"
             )
         from pyinfra.models.training.generated_sites import read_stream
 

@@ -40,8 +40,9 @@ def run(args: argparse.Namespace) -> int:
     if args.pred is not None and (args.unlabelled or not has_labels(lidar_folder(args.data))):
         _trust(args)
     elif args.unlabelled or args.out is not None:
-        got = "no --pred" if args.pred is None else "labels"
-        raise Error(f"--unlabelled, --out: expected --pred and no labels, got {got}")
+        if args.pred is None:
+            raise Error("--unlabelled, --out: expected --pred with them, got none")
+        raise Error("--out: expected --unlabelled with it, because the frames have labels")
     errors, warnings = ((findings.level == level).sum() for level in ("error", "warning"))
     print(f"{args.data}: {errors} errors, {warnings} warnings")
     return 1 if errors else 0

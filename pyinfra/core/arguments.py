@@ -213,7 +213,7 @@ def _plural(node: ast.expr, scope: Mapping[str, Any]) -> str:
     names = {"int": "whole numbers", "float": "numbers", "str": "names", "StrPath": "paths"}
     words, text = _choices(node, scope), ast.unparse(node)
     other = text if isinstance(node, ast.Name) else "values"
-    return f"words of {', '.join(words)}" if words else names.get(text, other)
+    return f"words among {', '.join(words)}" if words else names.get(text, other)
 
 
 def _must(holds: bool, text: str, value: Any) -> Any:

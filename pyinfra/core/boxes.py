@@ -193,5 +193,9 @@ def _all_pairs(
 def _check(boxes: FloatArray) -> None:
     if boxes.ndim != 2 or boxes.shape[1] != 7:
         raise Error(f"boxes: expected an array of shape (n, 7), got shape {boxes.shape}")
-    if not np.isfinite(boxes).all() or (boxes[:, 3:6] < 0).any():
-        raise Error("boxes: expected finite values and sizes of 0 or more, got other values")
+    wrong = np.flatnonzero(~(np.isfinite(boxes).all(axis=1) & (boxes[:, 3:6] >= 0).all(axis=1)))
+    if len(wrong):
+        raise Error(
+            f"boxes: row {wrong[0]}: expected finite values and sizes of 0 or more, got "
+            f"{boxes[wrong[0]].tolist()}"
+        )

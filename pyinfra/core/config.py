@@ -216,7 +216,7 @@ class Part:
 
 def _struct(location: _Location, kind: type[T]) -> T:
     if not isinstance(location.node, yaml.MappingNode):
-        location.fail("expected a mapping, got something else")
+        location.fail(f"expected a mapping, got {_shown(location.node)}")
     fields = {f.name: f for f in dataclasses.fields(kind)}  # type: ignore[arg-type]
     hints = typing.get_type_hints(kind)
     locations: dict[str, _Location] = {}
@@ -263,7 +263,7 @@ def _value(location: _Location, hint: Any, rule: Rule) -> Any:
 
 def _items(location: _Location, arguments: tuple[Any, ...], rule: Rule) -> tuple[Any, ...]:
     if not isinstance(location.node, yaml.SequenceNode):
-        location.fail("expected a list, got something else")
+        location.fail(f"expected a list, got {_shown(location.node)}")
     nodes = location.node.value
     if arguments[-1] is not Ellipsis and len(nodes) != len(arguments):
         location.fail(f"expected {len(arguments)} values, got {len(nodes)}")
@@ -314,6 +314,6 @@ def _loaded(location: _Location, allowed: str) -> Any:
 
 def _shown(node: Any) -> str:
     if not isinstance(node, yaml.ScalarNode):
-        return "a collection"
+        return "a list" if isinstance(node, yaml.SequenceNode) else "a mapping"
     text = str(node.value)
     return f"'{text}'" if len(text) <= _MOST_LETTERS else f"'{text[:_MOST_LETTERS]}...'"

@@ -134,7 +134,8 @@ def check_output(file: Path, begins: bytes) -> None:
         start = stream.read(1000)
     if start and not start.lstrip().lower().startswith(begins.lower()):
         raise Error(
-            f"{file}: expected a new file, or an earlier output of this kind, got another file"
+            f"{file}: expected a new file or an earlier output of the same kind, got a file of "
+            "different content; choose another name"
         )
 
 
@@ -175,7 +176,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
     end of the block.
     """
     folder = _target_of(folder)
-    exists = FileExistsError(f"{folder}: expected a new or an empty folder, got one with files")
+    exists = FileExistsError(f"{folder}: expected a new or empty folder, got a folder with files")
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
         raise exists
     folder.parent.mkdir(parents=True, exist_ok=True)
@@ -227,8 +228,8 @@ def alone(folder: Path) -> Iterator[None]:
     with held(locks / name, wait=False) as ours:
         if not ours:
             raise Error(
-                f"{folder}: expected no other process that writes to this folder, got one; wait "
-                "for it, or choose another folder"
+                f"{folder}: another process writes to this folder; wait until it ends, or choose "
+                "another folder"
             )
         yield
 

@@ -47,7 +47,8 @@ def file_or_name(word: StrPath, files: dict[str, Path], argument: str) -> Path:
     if path.is_file():
         return path
     raise Error(
-        f"{argument}: expected a file or a name, got '{text}'{suggestion(path.stem, files)}"
+        f"{argument}: expected a file or a name from the package, got '{text}'"
+        f"{suggestion(path.stem, files)}"
     )
 
 

@@ -74,7 +74,7 @@ def read_data_set(folder: Path) -> DataSet:
                 f"{lidar.name} and {len(frames[0])} of {folders[0].name}"
             )
     if not frames[0]:
-        raise Error(f"{folder}: expected a frame, got none")
+        raise Error(f"{folder}: expected one or more frames, got none")
     preset = top.at("preset")
     if preset.text() != lidars[0].preset:
         preset.fail(f"expected '{lidars[0].preset}' as in the LiDARs, got '{preset.text()}'")
@@ -150,7 +150,7 @@ def without_region(lidar_folder: Path) -> str | None:
         return None
     return (
         f"{preset.location()}: expected the file {roads} for simulated frames, got none; without "
-        "it, vehicles outside the evaluation region count too; copy the file from the original "
+        "it, vehicles outside the evaluation region are included; copy the file from the original "
         "data set"
     )
 

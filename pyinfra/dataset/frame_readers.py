@@ -105,7 +105,7 @@ def other_types(
     words = (line.replace(",", " ").split() for line in lines_of(file))
     line = next((i for i, row in enumerate(words, start=1) if name in row), 1)
     expected = ", ".join(types)
-    return f"{file}:{line}: objects of unknown classes do not count: {listed}; expected {expected}"
+    return f"{file}:{line}: objects of unknown classes are ignored: {listed}; expected {expected}"
 
 
 def read_predictions(files: Sequence[Path | None], cameras: Cameras) -> Predictions:

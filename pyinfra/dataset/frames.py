@@ -30,7 +30,7 @@ def frame_range(word: str, gt: Path) -> list[int]:
     wanted = range(*(int(part) for part in parts)) if "0" not in parts[2:] else range(0)
     frames = [frame for frame in frame_numbers(gt, "all") if frame in wanted]
     if not frames:
-        raise Error(f"frames: expected a range with frames of {gt}, got '{word}'")
+        raise Error(f"frames: expected a range that contains frames of {gt}, got '{word}'")
     return frames
 
 
@@ -62,7 +62,9 @@ def _split(file: Path, present: set[int]) -> list[int]:
     for line, word in enumerate(lines_of(file), start=1):
         digits = word.strip()
         if not re.fullmatch(r"[0-9]{1,9}", digits) or int(digits) not in present:
-            raise FormatError(f"{file}:{line}: expected the number of a frame, got '{word[:40]}'")
+            raise FormatError(
+                f"{file}:{line}: expected the number of an existing frame, got '{word[:40]}'"
+            )
         if int(digits) in frames:
             raise FormatError(f"{file}:{line}: expected each frame once, got {digits} twice")
         frames.add(int(digits))

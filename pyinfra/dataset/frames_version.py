@@ -57,4 +57,7 @@ def other_frames(name: str, learnt: str, used: str, consequence: str = NOT_MEASU
     if not numbers or not used or used in numbers:
         return ""
     listed = " and ".join(numbers)
-    return f"{name}: learnt from frames {listed}, used on frames {used}: {consequence}"
+    return (
+        f"{name}: learnt from frames of frames_version {listed}, used on frames of frames_version "
+        f"{used}: {consequence}"
+    )

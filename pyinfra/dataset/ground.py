@@ -156,7 +156,7 @@ def ground_of_boxes(boxes: Iterable[FloatArray]) -> Ground:
     """
     all_boxes = np.concatenate([np.empty((0, 7)), *boxes])
     if len(all_boxes) == 0:
-        raise Error("expected a vehicle in the training frames, got none")
+        raise Error("expected one or more labelled vehicles in the training frames, got none")
     xy, z = all_boxes[:, :2], all_boxes[:, 2] - all_boxes[:, 5] / 2
     off = np.abs(z - np.median(z))
     for _ in range(3):

@@ -31,7 +31,10 @@ def recipe_of(made: World | Lidar) -> Any:
     """Returns the call that made an object. Raises Error for one that was made otherwise."""
     if made not in _RECIPES:
         name = type(made).__name__
-        raise Error(f"{name}: expected a result of load_scene or load_lidar, got another object")
+        raise Error(
+            f"{name}: expected a result of load_scene or load_lidar, got an object that another "
+            "function made"
+        )
     return _RECIPES[made]
 
 

@@ -22,13 +22,15 @@ def prediction_table(
     and FormatError. `warn` gets a text if the origin is unknown or files are missing.
     """
     if not check_origin(folder, frames.folder):
-        warn(f"{folder} has no origin.yaml, so it may belong to other frames")
+        warn(f"{folder} has no origin.yaml, so its predictions may belong to other frames")
     files = [_file(folder, number) for number in frames.numbers]
     missing = [number for number, file in zip(frames.numbers, files, strict=True) if file is None]
     if len(missing) == len(files):
-        raise Error(f"{folder}: expected predictions such as 000000.txt, got none of the frames")
+        raise Error(
+            f"{folder}: expected a file for each frame, such as {missing[0]:06d}.txt, got none"
+        )
     if missing:
-        warn(f"{folder} has no file of {len(missing)} frames, such as {missing[0]}")
+        warn(f"{folder} has no file for {len(missing)} frames, such as frame {missing[0]}")
     read = read_predictions(files, read_cameras(frames.folder, frames.numbers))
     table = pd.DataFrame({"frame": np.array(frames.numbers, dtype=np.int64)[read.frame]})
     table["type"] = read.names.astype(object)

@@ -79,7 +79,7 @@ def _check_outline(key: str, corners: Corners) -> None:
     if len(corners) < 3:
         raise Error(f"{key}: expected 3 or more corners, got {len(corners)}")
     if area(np.array(corners)) == 0:
-        raise Error(f"{key}: expected an outline with an area, got none")
+        raise Error(f"{key}: expected an outline with an area above 0, got an area of 0")
     if (crossing := first_crossing(np.array(corners))) is not None:
         a, b = crossing
         raise Error(
@@ -100,7 +100,9 @@ def drawn_of(value: object) -> Drawn:
         return Outline(outline_m=_pairs("corners", value)).drawn
     unknown = set(value) - {"outline_m", "outlines_m", "holes_m"}
     if unknown:
-        raise Error(f"expected outline_m, outlines_m and holes_m, got {min(map(str, unknown))}")
+        raise Error(
+            f"expected the keys outline_m, outlines_m and holes_m, got '{min(map(str, unknown))}'"
+        )
     return Outline(
         _pairs("outline_m", value.get("outline_m", np.empty((0, 2)))),
         tuple(_pairs("outlines_m", ring) for ring in value.get("outlines_m", ())),
@@ -130,9 +132,11 @@ def _pairs(name: str, value: object) -> Corners:
     try:
         corners = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise Error("expected an array (m, 2) of corners, got something else") from None
-    if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
-        raise Error(f"expected {name} (m, 2), all finite, got an array {corners.shape}")
+        raise Error(f"{name}: expected numbers (m, 2), got {type(value).__name__}") from None
+    if corners.ndim != 2 or corners.shape[1] != 2:
+        raise Error(f"{name}: expected an array (m, 2), got shape {corners.shape}")
+    if not (finite := np.isfinite(corners).all(axis=1)).all():
+        raise Error(f"{name}: expected finite values, got {corners[~finite][0].tolist()}")
     return tuple((float(x), float(y)) for x, y in corners)
 
 

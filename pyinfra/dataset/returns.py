@@ -29,8 +29,8 @@ def returned(
     made = function(hits, np.random.default_rng(number))
     if not isinstance(made, np.ndarray) or made.dtype != HITS or made.ndim != 1:
         raise Error(
-            f"returns: expected records (m,) like the hits, got {type(made).__name__} "
-            f"{getattr(made, 'shape', '')}"
+            f"returns: expected an array (m,) with the fields of the hits, got "
+            f"{type(made).__name__} {getattr(made, 'shape', '')}"
         )
     cloud = np.stack([made[name] for name in XYZI], axis=1)
     return cloud, made[list(kitti.FIELDS.names or ())].astype(kitti.FIELDS)

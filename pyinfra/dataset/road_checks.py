@@ -68,5 +68,5 @@ def _difference(found: Mapping[str, Road], expected: Mapping[str, Road] | None) 
                 f"{given.s[-1]:g} instead of {len(road.s)} from {road.s[0]:g} to {road.s[-1]:g}"
             )
         if not np.allclose(given.xy, road.xy, atol=MOST_M):
-            return f"road {name} at another place"
+            return f"road {name} at a different position"
     return ""

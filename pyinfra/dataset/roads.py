@@ -68,9 +68,15 @@ def roads_of(lines: Sequence[str], file: Path) -> list[Road]:
 
 
 def _road(name: str, values: FloatArray, file: Path) -> Road:
-    if len(values) < 2 or not (np.diff(values[:, 0]) > 0).all():
-        raise FormatError(f"{file}: road {name}: s: expected ascending values, got other values")
+    if len(values) < 2:
+        raise FormatError(f"{file}: road {name}: expected two or more rows, got {len(values)}")
     steps = np.diff(values[:, 0])  # shorter at the ends of lanes from a file
+    if not (steps > 0).all():
+        at = int(np.flatnonzero(~(steps > 0))[0])
+        raise FormatError(
+            f"{file}: road {name}: s: expected ascending values, got {values[at + 1, 0]:g} after "
+            f"{values[at, 0]:g}"
+        )
     if steps.max() > _MOST_STEPS * max(1.0, np.median(steps)):
         raise FormatError(
             f"{file}: road {name}: s: expected even steps, got {steps.max():g} m after "

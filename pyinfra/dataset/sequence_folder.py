@@ -73,7 +73,8 @@ def on_disk(frames: FrameSequence, near: Path | None = None) -> Iterator[Path]:
             data_set.mkdir()
             yield write_folder(frames, data_set)
     else:
-        raise Error("frames: expected frames of simulate or load_dataset, got another sequence")
+        got = type(frames).__name__
+        raise Error(f"frames: expected frames of simulate or load_dataset, got {got}")
 
 
 def objects_of(rows: AnyArray) -> kitti.Objects:

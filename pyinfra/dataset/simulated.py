@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import operator
 import os
@@ -127,9 +128,10 @@ def simulate(
     units = [x if isinstance(x, simulation.Lidar) else load_lidar(x) for x in asked]
     numbers = _numbers(frames)
     if not numbers:
-        raise Error("frames: expected one or more numbers, got none")
-    if list(numbers) != sorted(set(numbers)):
-        raise Error("frames: expected ascending numbers without repetition, got other numbers")
+        raise Error("frames: expected one or more frame numbers, got none")
+    for before, number in itertools.pairwise(numbers):
+        if number <= before:
+            raise Error(f"frames: expected ascending numbers, got {number} after {before}")
     existing = world.frames_of(units[0].period_s)
     if numbers[0] < 0 or numbers[-1] >= existing:
         raise Error(f"frames: expected 0 to {existing - 1}, got {numbers[0]} to {numbers[-1]}")
@@ -144,7 +146,9 @@ def simulate(
         unit.name: SimulatedFrames(world, unit, numbers, threads, returns=returns) for unit in units
     }
     if len(sequences) < len(units):
-        raise Error("lidar: expected different LiDARs, got the same LiDAR twice")
+        names = [unit.name for unit in units]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise Error(f"lidar: expected different LiDARs, got {twice} twice")
     for sequence in sequences.values():
         others = {name: other for name, other in sequences.items() if other is not sequence}
         sequence.beside = others
@@ -175,7 +179,7 @@ def _at_mounts(
     if not isinstance(mounts, (list, tuple)) or not mounts or len(set(mounts)) < len(mounts):
         raise Error(f"mount: expected a list of different mounts, got {mounts!r:.40}")
     if isinstance(lidar, (list, tuple)):
-        raise Error(f"lidar: expected one LiDAR with several mounts, got {len(lidar)}")
+        raise Error(f"lidar: expected one LiDAR at several mounts, got {len(lidar)} LiDARs")
     given: Any = lidar
     alone = {name: simulate(_world(scene, name), given, frames, threads=threads) for name in mounts}
     if not fuse:

@@ -209,7 +209,7 @@ def simulate(
     """
     if isinstance(scene, World):
         if seed is not None or set or mount:
-            raise Error("seed, set, mount: expected a scene file, got a World")
+            raise Error("seed, set, mount: expected a scene file for these arguments, got a World")
         world = scene
     else:
         world = load_scene(scene, preset=preset, seed=seed, set=set, mount=mount)

@@ -91,8 +91,8 @@ def by_seed(train: DataSet, val: DataSet) -> tuple[Split, Split]:
             raise Error(f"{val.folder}: {key}: expected {a} as in {train.folder}, got {b}")
     if train.seed == val.seed:
         raise Error(
-            f"{val.folder}: expected another seed than in {train.folder}, got seed {val.seed} in "
-            "both"
+            f"{val.folder}: expected a seed other than that of {train.folder}, got seed "
+            f"{val.seed} in both"
         )
     return Split(train.frames, ()), Split((), val.frames)
 
@@ -114,8 +114,8 @@ def write(data: DataSet, split: Split, *, force: bool = False, grown: bool = Fal
         old = file.read_text(encoding="utf-8") if file.exists() and not force else text
         if old != text and not (grown and set(old.splitlines()) <= set(text.splitlines())):
             raise FileExistsError(
-                f"{file}: expected no file or the same split, got another split; `force` "
-                "overwrites it"
+                f"{file}: expected no file or the same split, got a different split; `force` "
+                "overwrites the file"
             )
     for file, text in files.items():
         file.parent.mkdir(exist_ok=True)

@@ -258,7 +258,9 @@ def _scan(source: Path, reader: Any, channel: str | None) -> tuple[str, str, Con
             ):
                 contents.frames.setdefault(child, (parent, transform))
     if not contents.times_ns:
-        raise FormatError(f"{source}: {topic}: expected clouds, got none; the bag may be truncated")
+        raise FormatError(
+            f"{source}: {topic}: expected point clouds, got none; the bag may be truncated"
+        )
     return topic, clouds[topic], contents
 
 
@@ -286,7 +288,7 @@ def _chosen(
     if channel is not None or len(clouds) > 1:
         names = ", ".join(f"{name} ({topics[name][1]} clouds)" for name in clouds)
         got = f", got {channel}" if channel else ""
-        raise Error(f"{source}: expected one topic of {names}{got}; `channel` selects a topic")
+        raise Error(f"{source}: expected one of the topics {names}{got}; `channel` selects a topic")
     return next(iter(clouds))
 
 

@@ -120,10 +120,13 @@ def _ouster(file: Path, content: Any) -> BeamTable:
     if not isinstance(altitude, list) or not isinstance(azimuth, list):
         raise FormatError(
             f"{file}: expected Ouster's beam_altitude_angles and beam_azimuth_angles, got the keys "
-            f"{', '.join(map(str, content))[:200] if isinstance(content, dict) else 'no keys'}"
+            f"{', '.join(map(str, content))[:200] if isinstance(content, dict) else 'none'}"
         )
     if len(altitude) != len(azimuth):
-        raise FormatError(f"{file}: expected as many azimuths as altitudes, got {len(azimuth)}")
+        raise FormatError(
+            f"{file}: beam_azimuth_angles: expected {len(altitude)} angles, as in "
+            f"beam_altitude_angles, got {len(azimuth)}"
+        )
     layout = content.get("lidar_data_format", content.get("data_format", {})) or {}
     mode = content.get("lidar_mode") or (content.get("config_params") or {}).get("lidar_mode")
     match = re.fullmatch(r"(\d+)x(\d+)", str(mode))
@@ -139,12 +142,12 @@ def _ouster(file: Path, content: Any) -> BeamTable:
 def _velodyne_yaml(file: Path, content: Any) -> BeamTable:
     lasers = content.get("lasers") if isinstance(content, dict) else None
     if not isinstance(lasers, list):
-        keys = ", ".join(map(str, content))[:200] if isinstance(content, dict) else "no keys"
-        raise FormatError(f"{file}: expected Velodyne's key 'lasers', got {keys}")
+        keys = ", ".join(map(str, content))[:200] if isinstance(content, dict) else "none"
+        raise FormatError(f"{file}: expected Velodyne's key 'lasers', got the keys {keys}")
     beams = []
     for i, laser in enumerate(lasers):
         if not isinstance(laser, dict) or "vert_correction" not in laser:
-            raise FormatError(f"{file}: lasers: {i}: expected a vert_correction, got none")
+            raise FormatError(f"{file}: lasers: {i}: expected the key vert_correction, got none")
         angles = (laser["vert_correction"], -_number(file, laser.get("rot_correction", 0)))
         beams.append(tuple(math.degrees(_number(file, angle)) for angle in angles))
     if len(beams) > 1 and all(abs(e) < 0.03 for e, _ in beams):
@@ -163,7 +166,8 @@ def _velodyne_xml(file: Path, root: ElementTree.Element) -> BeamTable:
     enabled = [int(item.text or 0) for item in root.findall(".//enabled_/item")]
     if not beams:
         raise FormatError(
-            f"{file}: expected Velodyne's vertCorrection_ and rotCorrection_, got <{root.tag}>"
+            f"{file}: expected Velodyne's elements <vertCorrection_> and <rotCorrection_>, got "
+            f"none in <{root.tag}>"
         )
     lit = sum(enabled) if enabled else len(beams)
     return BeamTable("Velodyne", "Velodyne", beams[: lit or len(beams)])

@@ -43,7 +43,9 @@ def read_csv(file: Path) -> Records:
     words = [w.strip().strip('"') for w in re.split(separator, first.lstrip("/# ").strip())]
     has_names = not all(map(_is_number, words))
     if not has_names and len(words) == 1:  # .pts files begin with the number of points
-        raise FormatError(f"{file}:1: expected names of columns or x, y, z, got '{first[:40]}'")
+        raise FormatError(
+            f"{file}:1: expected column names or the x, y and z of a point, got '{first[:40]}'"
+        )
     names = _known(words) if has_names else list(UNNAMED[: len(words)])
     if len(set(names)) < len(names) or not {"x", "y", "z"} <= set(names):
         raise FormatError(

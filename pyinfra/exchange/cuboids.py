@@ -54,7 +54,9 @@ def read_sequence(file: Path, clouds: Sequence[str]) -> dict[str, Boxes]:
         if name is None and key.isdecimal():
             name = numbers.get(int(key))
         if name is None:
-            raise FormatError(f"{file}: frame {key}: expected a cloud {names[0]}, got none")
+            raise FormatError(
+                f"{file}: frame {key}: expected a point cloud named {names[0]}, got none"
+            )
         out[name] = _boxes(file, frame, types, ids)
     return out
 

@@ -38,6 +38,6 @@ def export(lidar_folder: Path, frames: Sequence[int], name: str, out: Path) -> N
     """
     write = exporter(name)
     if not frames:
-        raise Error(f"{lidar_folder}: expected a frame to export, got none")
+        raise Error(f"{lidar_folder}: expected one or more frames to export, got none")
     with new_folder(out) as beside:
         write(lidar_folder, frames, beside)

@@ -41,6 +41,13 @@ def read_json(file: Path) -> Any:
         raise FormatError(f"{file}: cannot be read as JSON: {error}") from None
 
 
+def shown(content: object) -> str:
+    """Describes the JSON value of a file in a few words."""
+    if isinstance(content, dict):
+        return f"the keys {', '.join(map(str, content))[:100]}" if content else "no keys"
+    return "a list of other entries" if isinstance(content, list) else f"{content!r:.40}"
+
+
 def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
     """Reads the objects of a file.
 
@@ -52,7 +59,7 @@ def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
     """
     objects = read_json(file)
     if not isinstance(objects, list) or not all(isinstance(entry, dict) for entry in objects):
-        raise FormatError(f"{file}: expected a list of objects, got something else")
+        raise FormatError(f"{file}: expected a list of objects, got {shown(objects)}")
     found = boxes_of(file, objects, _box, ("type", "track_id"), ids)
     visibility = [VISIBILITY.get(_state(objects[i]), 1.0) for i in found.kept]
     return replace(
@@ -122,7 +129,7 @@ def checked_box(location: str, values: FloatArray) -> FloatArray:
         allowed = f"sizes above {LEAST_M:g} m, up to {MOST_M:g} m, and a centre within 10 km"
         raise FormatError(f"{location}: expected {allowed}, got sizes {sizes} and centre {xyz}")
     if abs(values[6]) > 2 * math.pi + 0.01:
-        raise UnitError(f"{location}: rotation: expected -2 pi to 2 pi, radians, got {values[6]:g}")
+        raise UnitError(f"{location}: rotation: expected -2 pi to 2 pi rad, got {values[6]:g}")
     return values
 
 
@@ -135,7 +142,7 @@ def _box(location: str, entry: Mapping[str, Any]) -> FloatArray:
 def group(location: str, entry: Mapping[str, Any], key: str, parts: Sequence[str]) -> list[float]:
     """Returns the numbers of a key such as `3d_location`, in the order of `parts`."""
     if key not in entry:
-        raise FormatError(f"{location}: expected a '{key}', got none")
+        raise FormatError(f"{location}: expected the key '{key}', got none")
     inside = entry[key] if isinstance(entry[key], dict) else {}
     return [number(f"{location}: {key}.{part}", inside.get(part)) for part in parts]
 

@@ -79,9 +79,10 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
     """
     chosen = [path for path in sequences if options.channel in (None, path.name)]
     if len(chosen) != 1:
-        got = ", ".join(path.name for path in sequences)
+        known = ", ".join(path.name for path in sequences)
+        got = f"'{options.channel}'" if options.channel else "none"
         raise Error(
-            f"{training / 'velodyne'}: expected `channel` to select one of the sequences {got}"
+            f"{training / 'velodyne'}: `channel`: expected one of the sequences {known}; got {got}"
         )
     clouds = sorted_files(chosen[0], [".bin"])
     columns, note = columns_of(clouds, options)
@@ -138,8 +139,12 @@ def _tracks(file: Path, calib: Path) -> dict[int, Boxes]:
     by_frame = {}
     for number in np.unique(numbers):
         in_frame = numbers == number
-        if len(np.unique(ids[in_frame])) < in_frame.sum():
-            raise FormatError(f"{file}: frame {number}: expected each track_id once, got one twice")
+        known, counts = np.unique(ids[in_frame], return_counts=True)
+        if (counts > 1).any():
+            twice = known[counts > 1][0]
+            raise FormatError(
+                f"{file}: frame {number}: expected each track_id once, got {twice} twice"
+            )
         visibility = _visibility(values[in_frame, 3])
         by_frame[int(number)] = Boxes(names[in_frame], boxes[in_frame], ids[in_frame], visibility)
     return by_frame

@@ -11,7 +11,7 @@ from pyinfra.core.arrays import IntArray
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.exchange.box_text import read_boxes
 from pyinfra.exchange.cuboids import read_cuboids, read_sequence
-from pyinfra.exchange.json_boxes import read_json, read_objects, track_digest
+from pyinfra.exchange.json_boxes import read_json, read_objects, shown, track_digest
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Boxes,
@@ -86,7 +86,9 @@ def open_labels(clouds: list[Path], source: Path, options: Options) -> LabelFile
         return _of_one_csv(clouds, place, options)
     suffixes = _suffixes(place) or SUFFIXES[:1]
     if len(suffixes) > 1:
-        raise Error(f"{place}: expected one kind of label files, got {', '.join(suffixes)}")
+        raise Error(
+            f"{place}: expected label files of one format, got the endings {', '.join(suffixes)}"
+        )
     files = [f for f in sorted_files(place, suffixes) if not f.name.startswith("_")]
     if suffixes[0] == ".txt":
         check_pairs(clouds, files)
@@ -173,10 +175,10 @@ def _kind(files: Sequence[Path]) -> str:
             return "labelCloud"
         if "3d_location" in keys:
             return "DAIR-V2X"
-        got = ", ".join(sorted(keys or content if isinstance(content, dict) else keys)[:8])
+        got = ", ".join(sorted(keys or (content if isinstance(content, dict) else []))[:8])
         raise FormatError(
             f"{file}: expected labels of labelCloud, SUSTechPOINTS, OpenLABEL or DAIR-V2X, got "
-            f"{'the keys ' + got if got else 'other content'}; a .csv file with a row for each box "
+            f"{'the keys ' + got if got else shown(content)}; a .csv file with a row for each box "
             "is read too"
         )
     return "SUSTechPOINTS"

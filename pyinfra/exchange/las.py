@@ -73,13 +73,16 @@ def _check_counts(file: Path) -> None:
     with file.open("rb") as stream:
         head = stream.read(HEAD_BYTES)
     if len(head) < OLD_HEAD_BYTES:
-        raise FormatError(f"{file}: expected a header of LAS, got {len(head)} bytes")
+        raise FormatError(
+            f"{file}: expected a LAS header of {OLD_HEAD_BYTES} or more bytes, got {len(head)}"
+        )
     records, extended = struct.unpack_from("<I", head, 100)[0], 0
     if head[25] >= 4 and len(head) >= HEAD_BYTES:
         (extended,) = struct.unpack_from("<I", head, 243)
     if records * RECORD_BYTES + extended * EXTENDED_BYTES > size:
         raise FormatError(
-            f"{file}: expected records within {size} bytes, got {records} and {extended} records"
+            f"{file}: expected records that fit the file's {size} bytes, got {records} variable "
+            f"length records and {extended} extended ones"
         )
     if head[104] & COMPRESSED:
         _check_chunks(file, size, struct.unpack_from("<I", head, 96)[0])
@@ -101,4 +104,6 @@ def _check_chunks(file: Path, size: int, at: int) -> None:
         table = stream.read(8)
     chunks = int.from_bytes(table[4:], "little")
     if len(table) < 8 or not 0 <= position < size or chunks > size // LEAST_POINT_BYTES:
-        raise FormatError(f"{file}: expected a table of chunks within {size} bytes, got {chunks}")
+        raise FormatError(
+            f"{file}: expected a chunk table that fits the file's {size} bytes, got {chunks} chunks"
+        )

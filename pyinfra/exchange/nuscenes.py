@@ -83,7 +83,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     FileNotFoundError for an incomplete frame, FormatError, and Error if there is no frame.
     """
     if not frames:
-        raise Error(f"{lidar_folder}: expected a frame to export, got none")
+        raise Error(f"{lidar_folder}: expected one or more frames to export, got none")
     series = read_series(lidar_folder)
     for folder in (VERSION, f"samples/{CHANNEL}", "maps"):
         (out / folder).mkdir(parents=True)

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error, FormatError
-from pyinfra.exchange.json_boxes import read_json
+from pyinfra.exchange.json_boxes import read_json, shown
 from pyinfra.exchange.recording import Boxes, Options, RecordedFrame, Recording, read_bin
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.kitti.layout import FARTHEST_M
@@ -116,7 +116,9 @@ class Tables:
     def cell(self, table: str, row: Row, key: str) -> str:
         if key not in row:
             token = row.get("token")
-            raise FormatError(f"{self._file(table)}: row '{token}': expected a '{key}', got none")
+            raise FormatError(
+                f"{self._file(table)}: row '{token}': expected the key '{key}', got none"
+            )
         return str(row[key])
 
     def numbers(self, table: str, row: Row, key: str, shape: int | tuple[()]) -> FloatArray:
@@ -148,7 +150,8 @@ class Tables:
         if not isinstance(rows, list) or not all(
             isinstance(row, dict) and "token" in row for row in rows
         ):
-            raise FormatError(f"{file}: expected a list of rows with a token, got something else")
+            got = shown(rows)
+            raise FormatError(f"{file}: expected a list of rows with the key 'token', got {got}")
         by_token = {str(row["token"]): row for row in rows}
         if len(by_token) < len(rows):
             counts = Counter(str(row["token"]) for row in rows)
@@ -174,7 +177,7 @@ def _table_folder(source: Path) -> Path:
     ]
     if len(folders) != 1:
         names = ", ".join(folder.name for folder in folders) or "none"
-        raise Error(f"{source}: expected one folder with a sample.json, got folders: {names}")
+        raise Error(f"{source}: expected one folder with a sample.json, got the folders {names}")
     return folders[0]
 
 
@@ -184,7 +187,9 @@ def _sensor(tables: Tables, channel: str | None) -> str:
     chosen = [row for row in lidars if channel in (None, row.get("channel"))]
     if len(chosen) != 1:
         names = ", ".join(str(row.get("channel")) for row in lidars) or "none"
-        raise Error(f"{tables.folder}: expected one LiDAR, got {names}; `channel` selects a LiDAR")
+        raise Error(
+            f"{tables.folder}: expected one LiDAR, got the LiDARs {names}; `channel` selects one"
+        )
     return str(chosen[0]["token"])
 
 
@@ -253,7 +258,8 @@ def _splits(tables: Tables, rows: list[Row], names: Sequence[str]) -> dict[str, 
         return {}
     splits, scenes = (read_json(file) for file in files)
     if not isinstance(splits, dict) or not isinstance(scenes, list):
-        raise FormatError(f"{files[0]}: expected names of scenes by split, got something else")
+        got = shown(splits)
+        raise FormatError(f"{files[0]}: expected lists of scene names by split, got {got}")
     scene_names = {s.get("token"): s.get("name") for s in scenes if isinstance(s, dict)}
     samples = [tables.row("sample", row.get("sample_token")) for row in rows]
     of_frame = [scene_names.get(sample.get("scene_token")) for sample in samples]
@@ -313,10 +319,12 @@ def read_results(file: Path, source: Path, channel: str | None = None) -> dict[i
     rows = _key_frames(tables, _sensor(tables, channel))
     results = data.get("results") if isinstance(data, dict) else None
     if not isinstance(results, dict):
-        raise FormatError(f"{file}: expected `results` by sample token, got none")
+        raise FormatError(
+            f"{file}: expected the key 'results' with boxes by sample token, got none"
+        )
     tokens = [tables.cell("sample_data", row, "sample_token") for row in rows]
     if unknown := sorted(set(results) - set(tokens)):
-        raise FormatError(f"{file}: expected samples of {source}, got '{unknown[0]}'")
+        raise FormatError(f"{file}: expected the sample tokens of {source}, got '{unknown[0]}'")
     return {
         i: _results(file, results.get(token, []), _pose(tables, row))
         for i, (token, row) in enumerate(zip(tokens, rows, strict=True))
@@ -335,7 +343,7 @@ def _results(file: Path, rows: list[Row], pose: Pose) -> Boxes:
         names = np.array([row["detection_name"] for row in rows], np.str_)
         scores = np.array([row["detection_score"] for row in rows], float)
     except (KeyError, TypeError, ValueError) as error:
-        raise FormatError(f"{file}: expected boxes of nuScenes' results: {error!r}") from None
+        raise FormatError(f"{file}: expected boxes of nuScenes' results, got {error!r}") from None
     ahead = (back * turns).apply([1.0, 0, 0]) if rows else np.empty((0, 3))
     centres = back.apply(centres - pose.origin) if rows else centres
     heading = np.arctan2(ahead[:, 1], ahead[:, 0])

@@ -67,7 +67,9 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
         file = kitti.frame_file(lidar_folder, "fields", frame)
         fields = kitti.read_fields(file) if has_fields else None
         if fields is not None and len(fields) != len(points):
-            raise FormatError(f"{file}: expected {len(points)} records, got {len(fields)}")
+            raise FormatError(
+                f"{file}: expected {len(points)} records, one for each point, got {len(fields)}"
+            )
         write_pcd(out / f"points/{frame:06d}.pcd", _records(points, fields))
         file = kitti.frame_file(lidar_folder, "label_2", frame)
         labels = kitti.read_labels(file, calibration=cameras.different[camera])

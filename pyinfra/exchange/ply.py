@@ -67,7 +67,7 @@ def read_ply(file: Path) -> Records:
 
 def _header(file: Path, stream: BinaryIO) -> tuple[str, int, list[tuple[str, str]]]:
     if stream.readline(100).strip() != b"ply":
-        _fail(file, "expected 'ply' in the first line")
+        _fail(file, "expected 'ply', got a different first line", 1)
     encoding, elements, kinds, count = "", [], [], -1
     for number in range(2, MOST_LINES):
         line = stream.readline(10_000)
@@ -89,7 +89,7 @@ def _header(file: Path, stream: BinaryIO) -> tuple[str, int, list[tuple[str, str
         elif words and words[0] not in ("property", "comment", "obj_info"):
             _fail(file, f"expected format, element or property, got '{words[0][:20]}'", number)
     if not encoding or count < 0 or not kinds or elements[0] != "vertex":
-        _fail(file, "expected a format, and the element vertex with properties first")
+        _fail(file, "expected a header with format, then the element vertex and its properties")
     return encoding, count, kinds
 
 

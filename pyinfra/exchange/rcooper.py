@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from pyinfra.core.errors import FormatError
 from pyinfra.core.files import resolved
 from pyinfra.exchange.data_set import levelled
-from pyinfra.exchange.json_boxes import read_json, read_objects, track_digest
+from pyinfra.exchange.json_boxes import read_json, read_objects, shown, track_digest
 from pyinfra.exchange.nuscenes_tables import angles_of
 from pyinfra.exchange.pcd import Clouds
 from pyinfra.exchange.recording import (
@@ -80,7 +80,7 @@ def _pose(file: Path) -> tuple[WorldPose | None, tuple[float, float] | None]:
         x, y, z = (float(v) for v in np.array(content["translation"], dtype=np.float64).ravel())
     except (KeyError, TypeError, ValueError):
         raise FormatError(
-            f"{file}: expected a rotation (3 x 3) and a translation (3), got none"
+            f"{file}: expected the keys rotation (3 x 3) and translation (3), got {shown(content)}"
         ) from None
     if not np.allclose(turn @ turn.T, np.eye(3), atol=0.01) or np.linalg.det(turn) < 0:
         raise FormatError(f"{file}: rotation: expected a rotation matrix, got {turn.tolist()}")

@@ -111,7 +111,7 @@ def sorted_files(folder: Path, suffixes: Sequence[str]) -> list[Path]:
     for file in files:
         if (other := first.setdefault(stem(file), file)) is not file:
             raise Error(
-                f"{folder}: expected one file for each frame, got {other.name}, {file.name}"
+                f"{folder}: expected one file for each frame, got {other.name} and {file.name}"
             )
     times = times_in([stem(file) for file in files])
     if times is not None:

@@ -66,8 +66,8 @@ def site_of(folder: Path, labels: Sequence[Labels]) -> RoadSite:
     boxes = np.concatenate([np.empty((0, 7)), *(k.boxes[k.names == "Vehicle"] for k in labels)])
     if len(boxes) == 0:
         raise Error(
-            f"{folder}: expected a vehicle in the labels of these frames, got none: the level of "
-            "the road, the ranges and the anchors are computed from vehicles"
+            f"{folder}: expected one or more vehicles in the labels of the frames, got none; the "
+            "level of the road, the ranges and the anchors are computed from vehicles"
         )
     floor = round(float(np.median(boxes[:, 2] - boxes[:, 5] / 2)), 4)
     boxes[:, 2] -= floor

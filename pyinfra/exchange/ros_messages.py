@@ -160,7 +160,9 @@ def boxes_of(location: str, message: Any, kind: str, ids: dict[str, int]) -> Box
         values = np.array([p.x, p.y, p.z, size.x, size.y, size.z, 0], dtype=np.float64)
         try:
             if not 0.9 < np.linalg.norm(turn) < 1.1:
-                raise FormatError(f"{location}: box {i}: expected a quaternion, got {turn}")
+                raise FormatError(
+                    f"{location}: box {i}: expected a quaternion of length 1, got {turn}"
+                )
             ahead = Rotation.from_quat(turn).as_matrix()[:, 0]
             values[6] = np.arctan2(ahead[1], ahead[0])
             rows.append(checked_box(f"{location}: box {i}", values))

@@ -125,7 +125,8 @@ def _provenance(file: Path) -> dict[str, str]:
         return {}
     top = kitti.read_yaml(file).node
     if not isinstance(top, yaml.MappingNode):
-        raise FormatError(f"{file}:1: expected keys and values, got something else")
+        got = "a list or a text" if top else "an empty file"
+        raise FormatError(f"{file}:1: expected keys with values, got {got}")
     return {k.value: v.value for k, v in top.value if isinstance(v, yaml.ScalarNode)}
 
 

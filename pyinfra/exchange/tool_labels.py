@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import FormatError
-from pyinfra.exchange.json_boxes import boxes_of, checked_box, group, number, read_json
+from pyinfra.exchange.json_boxes import boxes_of, checked_box, group, number, read_json, shown
 from pyinfra.exchange.recording import Boxes
 from pyinfra.formats.text_table import MOST_RADIANS
 
@@ -70,7 +70,7 @@ def has_degrees(files: Sequence[Path]) -> bool:
 
 def _objects(file: Path, objects: object) -> list[dict[str, Any]]:
     if not isinstance(objects, list) or not all(isinstance(entry, dict) for entry in objects):
-        raise FormatError(f"{file}: expected a list of objects, got something else")
+        raise FormatError(f"{file}: expected a list of objects, got {shown(objects)}")
     return objects
 
 
@@ -92,7 +92,7 @@ def _box_of_corners(location: str, raw: object) -> FloatArray:
     ]
     if len(values) != 24:
         raise FormatError(
-            f"{location}: vertices: expected 8 corners of x, y, z, got something else"
+            f"{location}: vertices: expected 8 corners of x, y, z, got {len(values)} numbers"
         )
     corners = np.array(values).reshape(8, 3)
     sides = corners[[3, 1, 4]] - corners[0]

@@ -65,7 +65,7 @@ def _cloud_folder(source: Path, channel: str | None) -> Path:
         return inside
     if len(chosen) != 1:
         names = ", ".join(folder.name for folder in lidars)
-        raise Error(f"{inside}: expected one LiDAR, got {names}; `channel` selects a LiDAR")
+        raise Error(f"{inside}: expected one LiDAR, got the LiDARs {names}; `channel` selects one")
     return chosen[0]
 
 

@@ -80,7 +80,7 @@ class Packets:
             float(stamp.host if hasattr(stamp, "host") else stamp) for stamp, _ in self._all()
         ]
         if not stamps:
-            raise Error(f"{self.file}: expected a complete turn of the LiDAR, got none")
+            raise Error(f"{self.file}: expected one or more complete turns of the LiDAR, got none")
         return stamps
 
     def records(self, i: int) -> Records:
@@ -91,7 +91,7 @@ class Packets:
             self._next += 1
             if self._next == i + 1:
                 return np.asarray(cloud)
-        raise FormatError(f"{self.file}: turn {i}: expected a turn, got the end of the file")
+        raise FormatError(f"{self.file}: turn {i}: expected points, got the end of the file")
 
     def _all(self) -> Iterator[Any]:
         try:

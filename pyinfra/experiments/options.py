@@ -137,7 +137,8 @@ def options_of(
     """
     done = results.finished()
     if done.empty:
-        raise Error(f"{file_of(results, 'experiments')}: expected a finished experiment, got none")
+        file = file_of(results, "experiments")
+        raise Error(f"{file}: expected one or more finished experiments, got none")
     scene, preset = chosen(done, scene, preset)
     rows = done[(done.scene == scene) & (done.preset == preset)]
     seed, seeds = pd.to_numeric(rows.seed), common_seeds(rows)
@@ -222,8 +223,8 @@ def read_tables(folder: Path, tier: str) -> Results:
     lidars = results.table("lidars")
     if len(lidars) and "preset" not in lidars:
         raise Error(
-            f"{file_of(results, 'lidars')}: expected a table of `pyinfra benchmark`, got no "
-            "column preset"
+            f"{file_of(results, 'lidars')}:1: expected the column preset of a table of `pyinfra "
+            "benchmark`, got none"
         )
     return results
 

@@ -234,9 +234,11 @@ def read_results(
     tables = {name: _read(folder / k.file.format(tier=chosen), k) for name, k in kinds.items()}
     if tier is not None and tables["experiments"].empty:
         check_tier(folder, tier)
-        raise Error(f"{folder / f'{tier}.csv'}: expected the table of a finished tier, got none")
+        raise Error(
+            f"{folder / f'{tier}.csv'}: expected one or more finished experiments, got none"
+        )
     if all(table.empty for table in tables.values()):
-        raise Error(f"{folder}: expected a table of results, got none")
+        raise Error(f"{folder}: expected tables of `pyinfra benchmark`, got none")
     tables["experiments"] = _with_reasons(with_whole(with_r1000(tables["experiments"])))
     tables |= {name: with_r1000(tables[name]) for name in ("stress", "distance")}
     return Results(folder, chosen, tables, kinds)
@@ -285,7 +287,8 @@ def _checked(file: Path, kind: Kind) -> pd.DataFrame:
     table = read_words(file)
     missing = [column for column in columns if column not in table]
     if missing:
-        raise Error(f"{file}:1: expected {', '.join(columns)}, got no column {missing[0]}")
+        names = ", ".join(columns)
+        raise Error(f"{file}:1: expected the columns {names}; the column {missing[0]} is missing")
     origin = [f"{file.name}, row {row}" for row in range(1, len(table) + 1)]
     present = [*kind.numbers, *(name for name in kind.later if name in table)]
     values = {name: _in_range(file, table[name], kind.ranges) for name in present}
@@ -321,7 +324,7 @@ def _check_order(file: Path, values: dict[str, pd.Series]) -> None:
         if wrong.any():
             row = wrong.idxmax()
             raise Error(
-                f"{file}:{row + 2}: {low}: expected up to the value of {high} "
+                f"{file}:{row + 2}: {low}: expected at most the value of {high} "
                 f"({values[high][row]:g}), got {values[low][row]:g}"
             )
 

@@ -105,8 +105,8 @@ def rows_of_names(file: Path, table: BoxTable, names: Sequence[str]) -> dict[str
     """
     if table.frames is None:
         raise FormatError(
-            f"{file}:1: expected a column `frame` with names or numbers of clouds, got "
-            f"{', '.join(table.columns.values())}; map it with frame=COLUMN"
+            f"{file}:1: expected a column `frame` with names or numbers of clouds, got the columns "
+            f"{', '.join(table.columns.values())}; frame=COLUMN names this column"
         )
     known = {name: name for name in names}
     numbers = {int(name): name for name in names if name.isdecimal()}
@@ -132,7 +132,8 @@ def parse_columns(words: Sequence[str]) -> dict[str, str]:
     for word in words:
         key, equals, name = word.partition("=")
         if not equals or not name or key not in NAMES:
-            raise FormatError(f"expected KEY=COLUMN with a key of {', '.join(NAMES)}; got '{word}'")
+            keys = ", ".join(NAMES)
+            raise FormatError(f"expected KEY=COLUMN with KEY one of {keys}; got '{word}'")
         columns[key] = name
     return columns
 
@@ -188,8 +189,8 @@ def _columns(file: Path, header: Sequence[str], given: Mapping[str, str]) -> dic
     missing = [k for k in NUMBERS if k not in found and ALTERNATIVES.get(k) not in found]
     if missing:
         raise FormatError(
-            f"{file}:1: expected columns for {', '.join(missing)}, got {got}; map them with "
-            f"KEY=COLUMN, such as {missing[0]}=NAME. Keys are {', '.join(NAMES)}"
+            f"{file}:1: expected columns for {', '.join(missing)}, got {got}; KEY=COLUMN names the "
+            f"column of a key, such as {missing[0]}=NAME. Keys are {', '.join(NAMES)}"
         )
     return found
 

@@ -114,7 +114,9 @@ def check_columns(
     for name in table:
         if name not in known:
             near = suggestion(name, suggested or known)
-            raise FormatError(f"{file}:1: expected known columns, got '{name}'{near}")
+            raise FormatError(
+                f"{file}:1: expected known columns, got the unknown column '{name}'{near}"
+            )
 
 
 def expect(file: Path, column: pd.Series, good: pd.Series, expected: str) -> None:

@@ -174,7 +174,8 @@ def _viewpoint(file: Path, words: list[str], line: int | None) -> Viewpoint:
 def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
     names, sizes, letters, counts = (words[key] for key in ("FIELDS", "SIZE", "TYPE", "COUNT"))
     if not len(names) == len(sizes) == len(letters) == len(counts):
-        _fail(file, "FIELDS, SIZE, TYPE, COUNT: expected equally many values, got different counts")
+        got = ", ".join(str(len(part)) for part in (names, sizes, letters, counts))
+        _fail(file, f"FIELDS, SIZE, TYPE, COUNT: expected as many values for each, got {got}")
     small = Counter(name.lower() for name in names)
     names = [name.lower() if small[name.lower()] == 1 else name for name in names]
     fields = []
@@ -246,7 +247,7 @@ def _compressed(header: Header, stream: BinaryIO) -> Records:
         return np.empty(0, dtype=header.record)
     packed, unpacked = struct.unpack("<II", lengths) if len(lengths) == 8 else (0, 0)
     if unpacked != size or len(data) < packed or len(lengths) < 8 or size > MOST_LZF * packed:
-        got = f"got {len(data)} of {packed} compressed bytes for {unpacked} bytes"
+        got = f"got {len(data)} of {packed} compressed bytes, which give {unpacked} bytes"
         hint = "the file may be truncated"
         _fail(header.file, f"expected {size} bytes of points, {got}; {hint}")
     _check_end(header, len(data), packed)
@@ -257,7 +258,8 @@ def _compressed(header: Header, stream: BinaryIO) -> Records:
     if plain is None or len(plain) != size:
         _fail(
             header.file,
-            ("points: expected LZF data, as DATA binary_compressed says, got something else"),
+            f"points: expected LZF data of {size} bytes, because DATA is binary_compressed, got "
+            "data that cannot be decompressed to this size",
         )
     out = np.empty(header.points, dtype=header.record)
     start = 0

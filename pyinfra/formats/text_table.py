@@ -152,5 +152,5 @@ def rows_by_name(
     table = NamedRows(file, range(2, 1 + len(rows)), rows[1:], columns, columns[0])
     table.check(rules)
     if len(rows) == 1:
-        raise FormatError(f"{file}:1: expected a {columns[0]}, got none")
+        raise FormatError(f"{file}:1: expected one or more rows with a {columns[0]}, got none")
     return {name: table.values[table.names == name] for name in dict.fromkeys(table.names.tolist())}

@@ -32,7 +32,8 @@ def read_keys(file: Path) -> dict[str, Any]:
     _parsed(file, compose)  # `compose` gives more precise error messages than `safe_load`
     parsed = _parsed(file, yaml.safe_load)
     if not isinstance(parsed, dict):
-        raise FormatError(f"{file}:1: expected keys and values, got something else")
+        got = "a list" if isinstance(parsed, list) else f"'{str(parsed)[:40]}'"
+        raise FormatError(f"{file}:1: expected keys with values, got {got}")
     return parsed
 
 
@@ -61,7 +62,7 @@ class YamlNode:
     def at(self, key: str) -> "YamlNode":
         path = f"{self.key}.{key}" if self.key else key
         if not isinstance(self.node, yaml.MappingNode):
-            self.fail(f"expected a mapping with the key '{key}', got something else")
+            self.fail(f"expected a mapping with the key '{key}', got {self._shown()}")
         nodes = [node for name, node in self.node.value if name.value == key]
         if not nodes:
             self.fail(f"expected a key '{key}', got none")
@@ -71,7 +72,7 @@ class YamlNode:
 
     def items(self) -> "list[YamlNode]":
         if not isinstance(self.node, yaml.SequenceNode) or not self.node.value:
-            self.fail("expected a list with one or more entries, got something else")
+            self.fail(f"expected a list with one or more entries, got {self._shown()}")
         return [YamlNode(self.file, n, f"{self.key}[{i}]") for i, n in enumerate(self.node.value)]
 
     def maybe(self, key: str) -> "YamlNode | None":
@@ -94,14 +95,14 @@ class YamlNode:
         if mapping is None:
             return []
         if not isinstance(mapping.node, yaml.MappingNode):
-            mapping.fail("expected a mapping, got something else")
+            mapping.fail(f"expected a mapping, got {mapping._shown()}")
         return [
             YamlNode(self.file, node, f"{mapping.key}.{k.value}") for k, node in mapping.node.value
         ]
 
     def text(self) -> str:
         if not isinstance(self.node, yaml.ScalarNode):
-            self.fail("expected one value, got a collection")
+            self.fail(f"expected one value, got {self._shown()}")
         return str(self.node.value)
 
     def number(
@@ -131,6 +132,14 @@ class YamlNode:
         if len(values) != 2 or values[0] > values[1]:
             self.fail(f"expected two numbers in ascending order, got {values}")
         return values[0], values[1]
+
+    def _shown(self) -> str:
+        if isinstance(self.node, yaml.ScalarNode):
+            return f"'{self.node.value[:40]}'"
+        if self.node is None:
+            return "an empty file"
+        kind = "a list" if isinstance(self.node, yaml.SequenceNode) else "a mapping"
+        return kind if self.node.value else f"{kind} without entries"
 
     def fail(self, what: str) -> NoReturn:
         raise FormatError(f"{self.location()}: {what}")

@@ -64,7 +64,9 @@ def compare(
     pairs = _pairs(a, b)
     chosen = [_rows(x, y, ground_truth) for x, y in pairs]
     if len({repr([row.tolist() for row in rows]) for rows in chosen}) < len(chosen):
-        raise Error("compare: expected another seed in each pair, got the same two results twice")
+        raise Error(
+            "compare: expected a different seed in each pair, got the same two results twice"
+        )
     try:
         overall = over_seeds([difference(*rows) for rows in chosen])
     except ValueError as error:
@@ -78,7 +80,7 @@ def _pairs(
     if isinstance(a, Evaluation) and isinstance(b, Evaluation):
         return [(a, b)]
     if isinstance(a, Evaluation) or isinstance(b, Evaluation):
-        raise Error("compare: expected two evaluations or two lists, got one of each")
+        raise Error("compare: expected two evaluations or two lists, got an evaluation and a list")
     if len(a) != len(b) or len(a) < 2:
         raise Error(
             f"compare: expected two lists of equal length, 2 or more, got {len(a)} and {len(b)}"
@@ -108,7 +110,7 @@ def _rows(a: Evaluation, b: Evaluation, ground_truth: str | None) -> tuple[pd.Se
     for name, value in _measured(a, subset).items():
         if value != second[name]:
             raise Error(
-                f"compare: {name}: expected the same in both, got {value} and {second[name]}"
+                f"compare: {name}: expected the same value in both, got {value} and {second[name]}"
             )
     rows = []
     for evaluation in (a, b):

@@ -156,7 +156,7 @@ def evaluated(
 ) -> Evaluation:
     """Returns the result of `evaluate`, whose findings are no warnings here."""
     if settings and object_class:
-        raise Error("object_class: expected either object_class or settings, got both")
+        raise Error("object_class: use object_class or settings, not both")
     if frames is not None and split is not None:
         raise Error("frames: use frames or split, not both")
     in_memory = isinstance(gt, FrameSequence) or not isinstance(pred, (str, os.PathLike))
@@ -169,7 +169,9 @@ def evaluated(
     if settings is None:
         settings = settings_of(object_class or "vehicle", has_objects=truth.has_objects)
     if in_memory and "common" in settings.ground_truths and len(truth.neighbours) < 2:
-        raise Error("ground_truths: expected frames of several LiDARs for `common`, got one LiDAR")
+        raise Error(
+            "ground_truths: expected frames of two or more LiDARs for `common`, got one LiDAR"
+        )
     if settings.min_points > 1 and not truth.has_objects:
         raise Error(
             "min_points: expected 1 for labels, which do not have numbers of points, got "

@@ -33,7 +33,8 @@ def chosen_frames(
     if isinstance(gt, FrameSequence):
         if split is not None:
             raise Error(
-                f"split: expected a LiDAR's folder as gt, got frames in memory and split '{split}'"
+                "split: expected a LiDAR's folder as `gt`, got frames in memory; `frames` selects "
+                "frames in memory"
             )
         wanted = sorted(gt.numbers if frames is None else frames)
         if other := sorted(set(wanted) - set(gt.numbers)):
@@ -83,7 +84,7 @@ def settings_of(object_class: str, *, has_objects: bool) -> Settings:
     """Returns the default settings of a class. Raises Error for an unknown class."""
     if object_class not in OBJECT_CLASSES:
         near = suggestion(object_class, OBJECT_CLASSES)
-        raise Error(f"object_class: expected a class, got '{object_class}'{near}")
+        raise Error(f"object_class: expected a known class, got '{object_class}'{near}")
     settings = class_settings({object_class: OBJECT_CLASSES[object_class]})
     return settings if has_objects else replace(settings, ground_truths=("captured",))
 

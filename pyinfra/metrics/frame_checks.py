@@ -60,7 +60,7 @@ def validate(
     """
     frames = frame_numbers(folder, "all")
     if not frames:
-        return [Finding("error", "no-frames", f"{folder}: expected a frame, got none")]
+        return [Finding("error", "no-frames", f"{folder}: expected one or more frames, got none")]
     findings = [*_unreadable(folder, frames), *_unreadable_data_set(folder)]
     if findings:
         return findings

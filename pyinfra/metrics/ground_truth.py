@@ -119,7 +119,7 @@ def read_ground_truth(
     """
     frames = sorted(frame_numbers(folder) if frames is None else frames)
     if not frames:
-        raise Error(f"{folder}: expected a frame to evaluate, got none")
+        raise Error(f"{folder}: expected one or more frames to evaluate, got none")
     has_lidar = (folder / "lidar.yaml").is_file()
     lidar = kitti.read_lidar(folder) if has_lidar else None
     data_set = data_set_of(folder)
@@ -160,7 +160,7 @@ def ground_truth_of(frames: FrameSequence) -> GroundTruth:
     if not isinstance(frames, SimulatedFrames):
         raise Error(f"frames: expected a sequence of frames, got {type(frames).__name__}")
     if not frames.numbers:
-        raise Error("frames: expected a frame to evaluate, got none")
+        raise Error("frames: expected one or more frames to evaluate, got none")
     vehicles = frames.vehicles()
     sequences = [frames, *frames.beside.values()]
     farthest = max(sequences, key=lambda sequence: (_reach(sequence.lidar), sequence.name))

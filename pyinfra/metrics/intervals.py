@@ -96,8 +96,10 @@ def time_blocks(
     frames: (f,) frame numbers. There are no replicates if the slots make fewer than MIN_BLOCKS
     blocks. Raises Error if the frame numbers are not ascending.
     """
-    if np.any(np.diff(frames) <= 0):
-        raise Error("frames: expected ascending numbers, got other numbers")
+    back = np.flatnonzero(np.diff(frames) <= 0)
+    if len(back):
+        before, number = frames[back[0] : back[0] + 2]
+        raise Error(f"frames: expected ascending numbers, got {number} after {before}")
     # A frame that starts on the border of two slots belongs to the later slot.
     numbers = np.floor(frames * period_s / SLOT_S + 1e-9)
     _, first, slot = np.unique(numbers, return_index=True, return_inverse=True)

@@ -92,7 +92,7 @@ def find_files(
     if unknown:
         raise FormatError(
             f"{by_frame[unknown[0]]}{_and_more(unknown)}: expected one of the {len(known)} frames "
-            f"of the ground truth ({min(known)} to {max(known)}), got another frame"
+            f"of the ground truth ({min(known)} to {max(known)}), got frame {unknown[0]}"
         )
     findings = []
     if lidar_folder is not None and not check_origin(folder, lidar_folder):
@@ -103,8 +103,8 @@ def find_files(
     named = set(by_frame.values())
     odd = [file for file in present if file not in named]
     if odd:
-        text = f"{odd[0]}{_and_more(odd)}: expected a file name of six digits, got another name; "
-        text += "such files are left out"
+        text = f"{odd[0]}{_and_more(odd)}: expected a file name of six digits, got "
+        text += f"'{odd[0].stem}'; files with such names are left out"
         findings.append(Finding("warning", "other-files", text))
     outside = by_frame.keys() - set(frames)
     if outside:
@@ -119,16 +119,16 @@ def find_files(
         if not allow_missing:
             raise FormatError(f"{text}; write an empty file for a frame without boxes")
         findings.append(
-            Finding("warning", "missing-files", f"{text} and count as frames without boxes")
+            Finding("warning", "missing-files", f"{text} and are evaluated as frames without boxes")
         )
     return PredictionFiles(tuple(by_frame.get(frame) for frame in frames), tuple(findings))
 
 
 def other_frames_of(predictions: Path, lidar_folder: Path) -> str:
-    """Returns a warning if the model of predictions learnt from frames of another number.
+    """Returns a warning if the model of predictions learnt from frames of another frames_version.
 
-    Predictions of versions before 0.5 are of models that were learnt from frames 3. The text is
-    empty for predictions without a model in their origin.
+    Models of versions before 0.5 learnt from frames of frames_version 3. The text is empty for
+    predictions without a model in their origin.
     """
     origin = read_origin(predictions) or {}
     if "model" not in origin:
@@ -181,8 +181,8 @@ def few_predicted(
     if len(predictions) and len(empty) > FEW_PREDICTED * len(with_vehicles):
         text = (
             f"{len(empty)} of {len(with_vehicles)} frames with vehicles have no prediction, for "
-            f"example frame {frames[empty[0]]}; their vehicles count as missed. `frames` selects "
-            "the frames to evaluate"
+            f"example frame {frames[empty[0]]}; their vehicles are counted as missed. `frames` "
+            "selects the frames to evaluate"
         )
         yield Finding("warning", "frames-without-predictions", text)
 
@@ -220,11 +220,11 @@ def _scores(
         location = _first(predictions, files, odd)
         text = (
             f"{location}: {odd.sum()} scores outside 0 to 1; predictions with a score below "
-            f"{min_score:g} do not count"
+            f"{min_score:g} are not used"
         )
         yield Finding("warning", "score-range", text)
     if (scores < min_score).all():
-        text = f"{_folder(files)}: all scores are below {min_score:g}, so no prediction counts"
+        text = f"{_folder(files)}: all scores are below {min_score:g}, so no prediction is used"
         yield Finding("warning", "scores-low", text)
 
 
@@ -290,7 +290,7 @@ def _elsewhere(
         )
     if share > FAR_OFF:
         return None  # the frame of reference is right, but the detector is poor
-    causes = "another frame of reference, predictions of other frames, or poor boxes"
+    causes = "a different frame of reference, predictions of other frames, or poor boxes"
     return "far-from-vehicles", f"{text}; possible causes are {causes}"
 
 

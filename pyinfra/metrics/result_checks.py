@@ -33,7 +33,9 @@ def result_warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings)
         case = f"{row.ground_truth}, {near}, {row.protocol}"
         value = shown_ap(row)[0]
         if math.isnan(value):
-            warnings.append(("no-objects", f"{case}: no {kind} counts, so AP is undefined"))
+            warnings.append(
+                ("no-objects", f"{case}: no {kind} is in this subset, so AP is undefined")
+            )
         elif value == 0:
             text = f"{case}: AP is 0 for {row.predictions} predictions and {row.objects} {kind}s"
             warnings.append(("ap-zero", f"{text}; `pyinfra validate` checks for common causes"))

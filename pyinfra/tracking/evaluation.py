@@ -89,10 +89,12 @@ def evaluate_tracks(
     True
     """
     if not 0 < within_m < np.inf:
-        raise Error(f"within_m: expected more than 0, got {within_m:g}")
+        raise Error(f"within_m: expected a number above 0, got {within_m:g}")
     truth = true_objects(frames)
     if not len(truth):
-        raise Error("frames: expected objects, got none: tracks are compared with simulated truth")
+        raise Error(
+            "frames: expected objects of simulated frames, to compare the tracks with, got none"
+        )
     chosen = lines_of(frames) if lines is None else list(lines)
     return compare_with(truth, tracks, chosen, within_m=within_m, period_s=frames.period_s)
 

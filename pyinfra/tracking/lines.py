@@ -51,7 +51,8 @@ class Line:
         ends = np.array([self.start, self.end], dtype=np.float64)
         if ends.shape != (2, 2) or not (np.abs(ends) <= FARTHEST_M).all():
             raise Error(
-                f"{self.name}: expected two points x, y within {FARTHEST_M:g} m, got others"
+                f"{self.name}: expected two points x, y within {FARTHEST_M:g} m, got "
+                f"{self.start} and {self.end}"
             )
         if self.length_m < 0.5:
             raise Error(f"{self.name}: expected a line of 0.5 m or more, got {self.length_m:.2f} m")
@@ -81,13 +82,18 @@ def lines_of(site: AnyLines) -> list[Line]:
     else:
         frames = one_lidar(site, "site")
         if frames.lidar is None:
-            raise Error("site: expected frames with lidar.yaml, or lines, got frames without")
+            raise Error(
+                "site: expected frames with lidar.yaml, or lines, got frames without lidar.yaml"
+            )
         lines = of_roads(roads_of_frames(frames), frames)
     if not lines:
-        raise Error("site: expected one or more lines or roads, got none: draw lines")
+        raise Error(
+            "site: expected one or more lines or roads, got none; give a file with `lines_m`"
+        )
     names = [line.name for line in lines]
     if len(set(names)) < len(names):
-        raise Error(f"site: expected each name of a line once, got {', '.join(names)}")
+        twice = next(name for name in names if names.count(name) > 1)
+        raise Error(f"site: expected a different name for each line, got '{twice}' twice")
     return lines
 
 
@@ -97,7 +103,7 @@ def read_lines(file: Path) -> list[Line]:
     for node in read_yaml(file).values("lines_m"):
         points = [[v.number(-FARTHEST_M, FARTHEST_M) for v in p.items()] for p in node.items()]
         if [len(point) for point in points] != [2, 2]:
-            node.fail("expected two points [x, y]")
+            node.fail(f"expected two points [x, y], got {points}")
         ends[node.key.partition(".")[2]] = np.array(points)
     return drawn(ends)
 

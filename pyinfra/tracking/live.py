@@ -97,7 +97,7 @@ def time_of(file: Path, period_s: float | None) -> float:
     if value > _EPOCH_S or "." in match[0]:
         return value
     if period_s is None:
-        raise Error(f"{file}: expected a time in the name, got a frame number: set `period_s`")
+        raise Error(f"{file}: expected a time in the name, got a frame number; set `period_s`")
     return (value + 0.5) * period_s
 
 

@@ -31,10 +31,15 @@ def read_tracks(file: Path) -> pd.DataFrame:
         raise FormatError(f"{file}:1: expected the columns {', '.join(missing)}, got none of them")
     whole = ["frame", "id", "frames_seen", "frames_missed"]
     numbers = table.drop(columns=["type", "state"])
-    if numbers.isna().to_numpy().any() or (table[whole] % 1 != 0).to_numpy().any():
-        raise FormatError(f"{file}: expected a number in each cell, got an empty or broken one")
+    for name, column in numbers.items():
+        wrong = column.isna() | ((column % 1 != 0) if name in whole else False)
+        if wrong.any():
+            kind = "a whole number" if name in whole else "a number"
+            row = int(wrong.to_numpy().argmax())
+            raise FormatError(f"{file}:{row + 2}: {name}: expected {kind}, got {column[row]}")
     if table.duplicated(["frame", "id"]).any():
-        line = int(table.duplicated(["frame", "id"]).idxmax()) + 2
-        raise FormatError(f"{file}:{line}: expected each track once in a frame, got it twice")
+        row = int(table.duplicated(["frame", "id"]).idxmax())
+        got = f"track {table['id'][row]:g} twice in frame {table['frame'][row]:g}"
+        raise FormatError(f"{file}:{row + 2}: expected each track once in a frame, got {got}")
     kinds = dict.fromkeys(numbers, "float64") | dict.fromkeys(whole, "int64")
     return table.astype(kinds)

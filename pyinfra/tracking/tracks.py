@@ -103,7 +103,8 @@ def frame_times(
         raise Error(f"detections: expected the columns {', '.join(missing)}, got none of them")
     frame = detections["frame"].to_numpy()
     if len(frame) and not (np.isfinite(frame) & (frame == np.round(frame))).all():
-        raise Error("detections: frame: expected whole numbers, got other values")
+        wrong = frame[~(np.isfinite(frame) & (frame == np.round(frame)))][0]
+        raise Error(f"detections: frame: expected whole numbers, got {wrong}")
     if (np.diff(frame) < 0).any():
         row = int(np.flatnonzero(np.diff(frame) < 0)[0]) + 1
         raise Error(
@@ -113,15 +114,17 @@ def frame_times(
     present = np.unique(frame).astype(np.int64)
     if frames is not None:
         if period_s is not None:
-            raise Error("period_s: expected no value beside `frames`, which have one, got both")
+            raise Error("period_s: use `period_s` or `frames`, which have a period, not both")
         numbers = np.array(sorted(frames.numbers), dtype=np.int64)
         if len(other := np.setdiff1d(present, numbers)):
-            raise Error(f"detections: expected boxes of the frames, got frame {other[0]}")
+            raise Error(f"detections: expected boxes of `frames`, got a box of frame {other[0]}")
         return numbers.tolist(), ((numbers + 0.5) * frames.period_s).tolist()
     if "t_s" in detections:
         return present.tolist(), _times_of(detections, present)
     if period_s is None:
-        raise Error("detections: expected times: `frames`, `period_s` or a column t_s, got none")
+        raise Error(
+            "detections: expected times from `frames`, `period_s` or a column t_s, got none of them"
+        )
     if not 0.001 <= period_s <= 60:
         raise Error(f"period_s: expected 0.001 to 60, got {period_s:g}")
     return present.tolist(), ((present + 0.5) * period_s).tolist()
@@ -129,8 +132,14 @@ def frame_times(
 
 def _times_of(detections: pd.DataFrame, present: IntArray) -> list[float]:
     per_frame = detections.groupby("frame").t_s.agg(["min", "max"])
-    if not np.isfinite(per_frame.to_numpy()).all() or (per_frame["min"] != per_frame["max"]).any():
-        raise Error("detections: t_s: expected one finite time for each frame, got other values")
+    good = np.isfinite(per_frame).all(axis=1) & (per_frame["min"] == per_frame["max"])
+    if not good.all():
+        number = good.idxmin()
+        low, high = per_frame.loc[number]
+        raise Error(
+            f"detections: t_s: expected one finite time for each frame, got {low:g} to {high:g} in "
+            f"frame {number}"
+        )
     times = per_frame["min"].to_numpy()
     if (back := np.flatnonzero(np.diff(times) <= 0)).size:
         i = int(back[0])
@@ -145,10 +154,15 @@ def boxes_of(detections: pd.DataFrame) -> Boxes:
     """Returns the boxes of a table with the columns type, BOX and score. Raises Error."""
     values = detections[BOX].to_numpy(np.float64)
     scores = detections["score"].to_numpy(np.float64)
-    if not np.isfinite(values).all() or (values[:, 3:6] <= 0).any():
-        raise Error("detections: expected finite boxes with sizes above 0, got other values")
-    if not ((scores >= 0) & (scores <= 1)).all():
-        raise Error("detections: score: expected 0 to 1, got other values")
+    good = np.isfinite(values).all(axis=1) & (values[:, 3:6] > 0).all(axis=1)
+    if not good.all():
+        row = int(good.argmin())
+        raise Error(
+            f"detections: row {row}: expected finite values and sizes above 0, got "
+            f"{values[row].tolist()}"
+        )
+    if (wrong := ~((scores >= 0) & (scores <= 1))).any():
+        raise Error(f"detections: score: expected 0 to 1, got {scores[wrong][0]:g}")
     kinds = pd.Index(TYPES).get_indexer(detections["type"])
     if (kinds < 0).any():
         name = detections["type"].iloc[int(np.argmin(kinds))]

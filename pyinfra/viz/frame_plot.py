@@ -96,5 +96,6 @@ def _check(detections: pd.DataFrame) -> None:
             near = suggestion(name, map(str, detections.columns))
             raise Error(f"detections: expected the column '{name}', got none{near}")
         values = pd.to_numeric(detections[name], errors="coerce")
-        if not np.isfinite(values.to_numpy(dtype=np.float64)).all():
-            raise Error(f"detections: {name}: expected finite numbers, got something else")
+        if not (good := np.isfinite(values.to_numpy(dtype=np.float64))).all():
+            wrong = detections[name].iloc[int(good.argmin())]
+            raise Error(f"detections: {name}: expected finite numbers, got {wrong!r:.40}")

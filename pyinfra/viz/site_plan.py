@@ -55,14 +55,17 @@ def read_lanes(file: Path) -> dict[str, FloatArray]:
     lanes: dict[str, list[list[float]]] = defaultdict(list)
     with file.open(newline="") as stream:
         rows = csv.reader(stream)
-        if next(rows, None) != ["lane", "x", "y", "z", "width"]:
-            raise MapError(f"{file}:1: expected the columns lane,x,y,z,width, got others")
+        if (head := next(rows, [])) != ["lane", "x", "y", "z", "width"]:
+            got = ",".join(head)[:100]
+            raise MapError(f"{file}:1: expected the columns lane,x,y,z,width, got '{got}'")
         for number, row in enumerate(rows, start=2):
             try:
                 name, x, y, z, width = row
                 lanes[name].append([float(v) for v in (x, y, z, width)])
             except ValueError as error:
-                raise MapError(f"{file}:{number}: expected a name, 4 numbers, got {row}") from error
+                raise MapError(
+                    f"{file}:{number}: expected a name and 4 numbers, got {row}"
+                ) from error
     return {name: np.array(rows_) for name, rows_ in lanes.items()}
 
 
@@ -74,7 +77,9 @@ def read_scene(folder: Path) -> dict[str, Any]:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise MapError(f"{file}: {' '.join(str(error).split())}") from error
     if not isinstance(scene, dict) or "lanes" not in scene:
-        raise MapError(f"{file}: lanes: expected a site of `pyinfra site import`, got none")
+        raise MapError(
+            f"{file}: expected the key lanes of a site of `pyinfra site import`, got none"
+        )
     return scene
 
 
@@ -170,7 +175,7 @@ def read_features(folder: Path) -> dict[str, FloatArray]:
         }
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise MapError(
-            f"{file}: features: expected a list with x_m and y_m for each kind"
+            f"{file}: features: expected for each kind a list of x_m and y_m, got {error!r}"
         ) from error
 
 

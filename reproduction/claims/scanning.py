@@ -92,7 +92,8 @@ def claims(exact: Observations, blocks: Blocks, instant: Observations | None = N
     instant : the same frames with aggregation `instant`; without them `deskew` is not tested
     """
     if sorted(exact.lidars) != sorted((AVIA, *SPINNING)):
-        raise Error(f"expected {AVIA} {SPINNING}, got LiDARs {', '.join(exact.lidars)}")
+        names = ", ".join((AVIA, *SPINNING))
+        raise Error(f"expected the LiDARs {names}, got {', '.join(exact.lidars)}")
     common, view = exact.select(exact.common()), exact.select(exact.view())
     rows = [
         far_range(common, blocks, "common"),
@@ -159,7 +160,8 @@ def deskew(instant: Observations, exact: Observations, blocks: Blocks) -> list[R
     """Tests by how much `instant` changes the points inside boxes of moving vehicles, by LiDAR."""
     if not np.array_equal(np.unique(instant.frame), np.unique(exact.frame)):
         raise Error(
-            "instant and exact: expected the same frames in both data sets, got other frames"
+            "instant and exact: expected the same frames in both data sets, got "
+            f"{len(np.unique(instant.frame))} and {len(np.unique(exact.frame))} frames that differ"
         )
     change = aggregation_change(_within(instant, WHOLE_M), _within(exact, WHOLE_M), blocks)
     rows = []

@@ -37,7 +37,9 @@ def main(
     elif len(folders) == 1:
         table = of_results(folders[0], tier)
     else:
-        raise Error("folders: expected data sets or one folder of results, got several")
+        raise Error(
+            f"folders: expected data sets or one folder of results, got {len(folders)} folders"
+        )
     print(table[SHOWN].to_string(index=False, float_format=lambda v: f"{v:.3g}", max_colwidth=90))
 
 
@@ -58,7 +60,9 @@ def of_results(folder: Path, tier: str | None) -> pd.DataFrame:
     """
     chosen = read_results(folder, tier).tier
     if chosen == "smoke":
-        raise Error(f"{folder}: tier: expected quick or full, got smoke, which tests no claim")
+        raise Error(
+            f"{folder}: tier: expected quick or full, got smoke, whose networks test no claim"
+        )
     files = {name: folder / f"{chosen}_{name}.csv" for name in ("replicates", "value")}
     files |= {
         "experiments": folder / f"{chosen}.csv",

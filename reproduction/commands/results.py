@@ -67,7 +67,10 @@ def main() -> int:
         return 0
     if not args.dirty and (changed := engine.changed_code()):
         named = ", ".join(changed[:NAMED]) + (" ..." if len(changed) > NAMED else "")
-        raise Error(f"expected committed code, got changes in {named}: commit them, or use --dirty")
+        raise Error(
+            f"expected committed code, got uncommitted changes in {named}; commit them, or use "
+            "--dirty"
+        )
     failed = engine.run(steps, args.files, places, Pool(args.backend, args.jobs, args.address))
     for part in failed:
         print(f"failed: {part.words}\n  log: {part.folder / 'log.txt'}")

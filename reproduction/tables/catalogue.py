@@ -36,7 +36,7 @@ def catalogue() -> str:
         view = f"{sheet.horizontal_fov_deg:.0f} x {sheet.vertical_fov_deg:.0f}"
         facts = [view, f"{sheet.range_at_10_percent_m:.0f}", price]
         rows.append([sheet.model, f"`{sheet.name}`", called, *facts, *points])
-    heads = ["product", "name", "in results", "view, degrees", "range at 10 %, m", "US$"]
+    heads = ["product", "name", "name in results", "view, degrees", "range at 10 %, m", "US$"]
     return markdown([*heads, *BANDS.values()], rows)
 
 

@@ -79,7 +79,7 @@ def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """
     lines = [f"| {' | '.join(cells)} |\n" for cells in (heads, *rows)]
     if missing := next((line for line in lines if re.search(r"\bnan\b", line)), None):
-        raise ValueError(f"expected a value in each cell, got {missing.strip()}")
+        raise ValueError(f"expected a value in each cell of a table, got the row {missing.strip()}")
     return "".join([lines[0], "|" + "---|" * len(heads) + "\n", *lines[1:]])
 
 

@@ -32,7 +32,7 @@ SCANNING = (
 # label, and the subset and distance.
 OF_SCANNING = (
     (
-        *("far-range", " common,", "`far-range`: Avia / best other, 1.5 to 2.5"),
+        *("far-range", " common,", "`far-range`: Avia / best other LiDAR, 1.5 to 2.5"),
         "common, 90 to 120 m (paper: to 100 m)",
     ),
     ("far-range", " view,", "", "view, 90 to 120 m"),
@@ -94,7 +94,8 @@ def scanned(claim: str, words: str, preset: str) -> str:
     rows = rows_of(results("scanning_claims"), claim, words, preset=preset)
     verdicts = sorted(set(rows.verdict))
     times = f" ({number(rows.value.iloc[0])} times)" if claim == "far-range" else ""
-    return " / ".join(verdicts) + times
+    of_lidars = ", by LiDAR" if len(verdicts) > 1 else ""
+    return " or ".join(verdicts) + of_lidars + times
 
 
 def scanning() -> str:

@@ -24,16 +24,16 @@ PRODUCTS = {
 }
 # What changed besides the beam, which all LiDARs have now.
 REASONS = {
-    "livox_avia": "had a beam before; its echoes are merged otherwise",
-    "hesai_ot128": "3600 or 1800 columns for 2700; range by channel",
-    "hesai_xt32": "range by channel",
-    "livox_horizon": "exponent 0.5 for 0.25",
-    "livox_mid_40": "exponent 0.5 for 0.25",
-    "livox_mid_70": "exponent 0.5 for 0.25",
-    "livox_tele_15": "exponent 0.28 for 0.25",
-    "velodyne_hdl_64e": "1736 columns for 2031; exponent 0.42 for 0.25",
-    "velodyne_vlp_16": "1808 columns for 1875",
-    "velodyne_vlp_32c": "1808 columns for 1875",
+    "livox_avia": "had a beam before; its echoes are merged differently",
+    "hesai_ot128": "3600 or 1800 columns instead of 2700; range of each channel",
+    "hesai_xt32": "range of each channel",
+    "livox_horizon": "exponent 0.5 instead of 0.25",
+    "livox_mid_40": "exponent 0.5 instead of 0.25",
+    "livox_mid_70": "exponent 0.5 instead of 0.25",
+    "livox_tele_15": "exponent 0.28 instead of 0.25",
+    "velodyne_hdl_64e": "1736 columns instead of 2031; exponent 0.42 instead of 0.25",
+    "velodyne_vlp_16": "1808 columns instead of 1875",
+    "velodyne_vlp_32c": "1808 columns instead of 1875",
 }
 
 
@@ -57,4 +57,4 @@ def frame_numbers() -> str:
             ratio = interval(band.all_now / band.all_before)
             cells.append(f"{ratio.value:.2f} [{ratio.low:.2f}, {ratio.high:.2f}]")
         rows.append([product, *cells, REASONS.get(name, "")])
-    return markdown(["LiDAR", *BANDS.values(), "besides the beam"], rows)
+    return markdown(["LiDAR", *BANDS.values(), "other changes"], rows)

@@ -21,11 +21,11 @@ def far_points() -> list[str]:
     paper, equal, datasheet = (number(rows.value[preset]) for preset in PRESETS)
     (seeds,) = set(rows.seeds)
     finding = (
-        f"On far vehicles the Livox Avia has {paper} times the points of the best other LiDAR "
-        f"under [the study's settings](docs/quick_start.md#presets), {equal} at equal range, "
+        f"On far vehicles, the Livox Avia has {paper} times the points of the best other LiDAR "
+        f"with [the study's settings](docs/quick_start.md#presets), {equal} with equal ranges, "
         f"{datasheet} by data sheets."
     )
-    where = f"[highway](docs/results/points.md), beyond 90 m; {seeds} seeds"
+    where = f"[highway](docs/results/points.md) beyond 90 m; {seeds} seeds"
     return [finding, where]
 
 
@@ -39,7 +39,7 @@ def right_place() -> list[str]:
     )
     where = (
         "[generated sites](docs/results/placement.md); 95 % interval "
-        f"{row.low:.0f} to {row.high:.0f}"
+        f"[{row.low:.0f}, {row.high:.0f}]"
     )
     return [finding, where]
 
@@ -56,12 +56,13 @@ def same_vehicles() -> list[str]:
     rows = table[keep].set_index("preset")
     paper, datasheet = (f"{rows.value[name]:+.1f}" for name in ("paper", "datasheet"))
     intervals = "; ".join(
-        f"{tenth(rows.low[name])} to {tenth(rows.high[name])}" for name in ("paper", "datasheet")
+        f"[{tenth(rows.low[name])}, {tenth(rows.high[name])}] {words}"
+        for name, words in (("paper", "(study)"), ("datasheet", "(data sheets)"))
     )
     counts = dict.fromkeys(str(rows.replicates[name]) for name in ("paper", "datasheet"))
     finding = (
-        "For vehicles that all LiDARs can see, the Avia's AP (average precision, %) minus that of "
-        f"128 lines is {paper} under the study's settings; by data sheets {datasheet}."
+        "For vehicles visible to all LiDARs, the Avia's average precision (AP) minus that of "
+        f"128 lines is {paper} with the study's settings, {datasheet} by data sheets."
     )
     where = (
         f"[highway](docs/results/detection.md), fine-tuned, {'/'.join(counts)} replicates; "

@@ -117,7 +117,7 @@ def training_cut_angles() -> str:
                     [scene, preset, SETUPS[setup], LIDARS[lidar], f"{angle} degrees", *cells]
                 )
     heads = ["scene", "preset", "detector", "LiDAR", "trained at"]
-    return markdown([*heads, *(f"tested at {a}" for a in ANGLES_DEG)], rows)
+    return markdown([*heads, *(f"tested at {a} degrees" for a in ANGLES_DEG)], rows)
 
 
 def trained_at_angles(lidar: str) -> dict[int, pd.Series]:
@@ -143,4 +143,4 @@ def comparison() -> str:
             ends = f"{less.mean().min():.1f} to {less.mean().max():.1f}"
             rows.append([*key, text, mean_of_ap(less.mean(axis=1)), ends])
     heads = ["scene", "preset", "detector", "labels at", "Avia minus 128 lines, AP"]
-    return markdown([*heads, "at single cut angles"], rows)
+    return markdown([*heads, "range over single cut angles"], rows)

@@ -198,7 +198,7 @@ def detector_latency() -> str:
         points = f"{group.points.iloc[0] / 1000:.0f}"
         rows.append([scene.partition("_")[0], title, points, *whole, *parts])
     heads = ["PyTorch", "one thread", "two threads", *PARTS]
-    return markdown(["scene", "LiDAR", "1,000 points", *heads], rows)
+    return markdown(["scene", "LiDAR", "points, thousands", *heads], rows)
 
 
 def onnx_files() -> str:
@@ -211,5 +211,5 @@ def onnx_files() -> str:
         ap = [f"{by.ap_r1000[name]:.1f}" for name in ("pytorch", "file", "without suppression")]
         ms = [f"{by.ms_p50['pytorch']:.0f}", f"{by.ms_p50['file']:.0f}"]
         rows.append([detector, LIDARS[lidar], *ap, *ms, f"{by.ms_more_p50['file']:.1f}"])
-    heads = ["AP", "AP of the file", "without suppression", "ms", "ms of the file"]
-    return markdown(["detector", "LiDAR", *heads, "of which suppression"], rows)
+    heads = ["AP", "AP of the file", "AP without suppression", "time, ms", "time of the file, ms"]
+    return markdown(["detector", "LiDAR", *heads, "of which suppression, ms"], rows)

@@ -16,6 +16,15 @@ ERRORS = {
     "mean error with the same traffic": "prediction from the traffic of a seed, with that seed",
     "mean error of another seed": "measurement with one seed, with the mean of the other two",
 }
+WORDS = {  # of quantities in placement_summary.csv, in the words of the page
+    " less ": " minus ",
+    "mean pose": "mean of the poses",
+    "see all around": "view 360 degrees",
+    "look in one direction": "view one direction",
+    "share of poses at which the sign is not that of all poses": "share of poses at which the sign "
+    "differs from that of the mean",
+    "at which it is best": "at which it has the highest AP",
+}
 
 
 def _cell(row: pd.Series) -> str:
@@ -95,10 +104,16 @@ def placement(question: str) -> str:
     """Returns a table of one question of `python -m reproduction placement`."""
     table = results("placement_summary")
     rows = [
-        [str(row.quantity).replace(" less ", " minus "), str(row.sites), _cell(row)]
+        [_quantity(str(row.quantity)), str(row.sites), _cell(row)]
         for _, row in table[table.question == question].iterrows()
     ]
     return markdown(["quantity, mean over sites", "sites", "value"], rows)
+
+
+def _quantity(text: str) -> str:
+    for words, others in WORDS.items():
+        text = text.replace(words, others)
+    return text
 
 
 def plans() -> str:
@@ -112,8 +127,9 @@ def plans() -> str:
             where = f"{one.lidars}, {one.heights_m} m"
             found = f"{one.recall_simulated:.0f}"
             rows.append([question, str(one.option), where, share, found, ap, price])
-    heads = ["question", "option", "LiDAR, height", "predicted, of 100", "simulated, of 100"]
-    return markdown([*heads, "AP predicted, simulated", "price, USD"], rows)
+    heads = ["question", "option", "LiDAR, height", "found of 100, predicted"]
+    heads += ["found of 100, simulated", "AP: predicted, simulated", "price, USD"]
+    return markdown(heads, rows)
 
 
 def plan_coverage() -> str:
@@ -122,7 +138,7 @@ def plan_coverage() -> str:
     names = {
         "recall": "vehicles found, of 100",
         "people_recall": "pedestrians found, of 100",
-        "false_per_frame": "false boxes a frame",
+        "false_per_frame": "false boxes per frame",
         "ap": "AP",
     }
     rows = [
@@ -138,7 +154,7 @@ def plan_coverage() -> str:
         ]
         for row in table.itertuples()
     ]
-    heads = ["figure", "source", "options", "inside, %", "with that of the mean, %"]
+    heads = ["quantity", "source", "options", "mean inside, %", "difference within both, %"]
     return markdown([*heads, "half-width", "half-width of the mean", "bias"], rows)
 
 
@@ -149,5 +165,11 @@ def plan_times() -> str:
         [one.question, *(f"{n:,.0f}" for n in (one.poses, one.pairs, one.race_cpu_s, one.cpu_s))]
         for one in table.itertuples()
     ]
-    heads = ["question", "poses", "pairs of pose and LiDAR", "race, CPU s", "whole plan, CPU s"]
+    heads = [
+        "question",
+        "poses",
+        "pairs of pose and LiDAR",
+        "comparison, CPU s",
+        "whole plan, CPU s",
+    ]
     return markdown(heads, rows)

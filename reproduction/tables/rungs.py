@@ -24,7 +24,7 @@ DEFAULTS = {
     "one ray": "beam with its divergence",
     "assumed beams of 0.05 degrees": "0.1 degrees",
     "assumed beams of 0.2 degrees": "0.1 degrees",
-    "beams by FWHM": "full width",
+    "beams by FWHM": "full width at 1/e2",
     "19 sub-rays": "up to 7 sub-rays",
     "sub-rays everywhere": "near moving objects",
     "separation of 0.25 m": "0.5 m, or the vendor's",
@@ -33,7 +33,7 @@ DEFAULTS = {
     "last echo": "strongest echo",
     "two echoes": "strongest echo",
     "exponent 0.5": "0.25, or fitted",
-    "one range for all channels": "ranges by channel",
+    "one range for all channels": "a range for each channel",
 }
 
 
@@ -93,9 +93,13 @@ def rungs() -> str:
             of_band = means[from_m][kept]
             cells.append(f"{of_band.min():+.1f} to {of_band.max():+.1f}")
         top = largest_relative(rung, points)
-        pair = f"{NAMES[top.lidar]} to {NAMES[top.other]}, {BANDS[top.from_m]}"
+        pair = f"{NAMES[top.lidar]} relative to {NAMES[top.other]}, {BANDS[top.from_m]}"
         rows.append([str(name), *cells, f"{signed(top.change)}: {pair}", DEFAULTS[str(name)]])
-    heads = ["model", *(f"{band}, %" for band in BANDS.values()), "largest relative change, %"]
+    heads = [
+        "changed model",
+        *(f"{band}, %" for band in BANDS.values()),
+        "largest relative change, %",
+    ]
     return markdown([*heads, "default"], rows)
 
 

@@ -38,7 +38,7 @@ OPEN = (UNDECIDED, NOT_KNOWN)
 def known(condition: bool, sentence: str) -> str:
     """Returns a sentence that the tables support. Raises Error if they do not."""
     if not condition:
-        raise Error(f"expected tables of results/ that support a sentence, got: {sentence}")
+        raise Error(f"results/: expected tables that support this sentence, got others: {sentence}")
     return sentence
 
 
@@ -48,8 +48,8 @@ def span(values: Iterable[float], digits: int = 0) -> str:
     return least if least == most else f"{least} to {most}"
 
 
-def joined(parts: Sequence[str]) -> str:
-    return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
+def joined(parts: Sequence[str], word: str = "and") -> str:
+    return f" {word} ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
 
 
 def within(changes: Iterable[Interval]) -> str:
@@ -65,22 +65,27 @@ def rows_of(claim: str, judge: str = "fine-tuned", subset: str = "captured") -> 
     return table[keep & (table.label_time == "scan")].set_index(["scene", "preset"])
 
 
-def where(rows: pd.DataFrame) -> str:
-    """Returns the scenes and settings of rows in words, by settings."""
+def where(rows: pd.DataFrame, word: str = "and") -> str:
+    """Returns the scenes and settings of rows in words, by settings.
+
+    word: "or" for a sentence with "not"
+    """
+    every = {"and": "in all three scenes", "or": "in any of the three scenes"}[word]
     parts = []
     for preset, settings in SETTINGS.items():
         scenes = [SCENES[s] for s in SCENES if (s, preset) in rows.index]
         if scenes:
-            places = "in all three scenes" if len(scenes) == len(SCENES) else joined(scenes)
+            places = every if len(scenes) == len(SCENES) else joined(scenes, word)
             parts.append(f"{places} with {settings}")
-    return ", and ".join(parts)
+    return f", {word} ".join(parts)
 
 
 def by_verdict(claim: str, heads: Mapping[str, str]) -> str:
     """Returns a sentence for each verdict of the fine-tuned detector that occurs in a claim.
 
-    heads: the sentence of each decided verdict, without the scenes and settings. A last sentence
-    says how many verdicts both detectors give.
+    The claim holds if a difference lies above or below 0, so that an interval of an open verdict
+    contains 0. heads: the sentence of each decided verdict, without the scenes and settings. A last
+    sentence says how many verdicts both detectors give.
     """
     rows = rows_of(claim)
     parts = [
@@ -89,9 +94,12 @@ def by_verdict(claim: str, heads: Mapping[str, str]) -> str:
         if (rows.verdict == verdict).any()
     ]
     if rows.verdict.isin(OPEN).any():
-        parts.append(f"This is not decided {where(rows[rows.verdict.isin(OPEN)])}.")
+        cases = where(rows[rows.verdict.isin(OPEN)], "or")
+        parts.append(f"The difference is not significant {cases}.")
     if unnamed := set(rows.verdict) - {*heads, *OPEN, TOO_FEW}:
-        raise Error(f"{claim}: expected a sentence for each verdict, got none for {unnamed}")
+        raise Error(
+            f"{claim}: expected a sentence for each verdict, got none for {', '.join(unnamed)}"
+        )
     return " ".join([*parts, of_both(claim)])
 
 
@@ -100,13 +108,18 @@ def of_both(claim: str) -> str:
     rows = rows_of(claim, BOTH)
     count = (rows.verdict != ONE).sum()
     decided = rows[~rows.verdict.isin([ONE, *OPEN])]
-    start = "These are verdicts of the fine-tuned detector."
+    start = "These results were obtained with the fine-tuned detector."
+    rules = "[rules](../verdict_rules.md#detectors-that-decide)"
     if not count:
-        return f"{start} The second detector that decides was not measured."
+        return f"{start} The second detector of the {rules}, PointPillars, was not measured."
     listed = (f"`{verdict}` {where(part)}" for verdict, part in decided.groupby("verdict"))
-    end = "; ".join(listed) if len(decided) else "none is decided"
+    verdict = f"The verdict of both detectors is {'; '.join(listed)}."
+    end = verdict if len(decided) else "In none of them is it significant for both detectors."
     cases = f"{NUMBERS[count]} of {NUMBERS[len(rows)]} cases"
-    return f"{start} Both detectors that decide were measured in {cases}: {end}."
+    return (
+        f"{start} With PointPillars, the second detector of the {rules}, the difference was "
+        f"measured in {cases}. {end}"
+    )
 
 
 def areas() -> str:
@@ -121,7 +134,10 @@ def areas() -> str:
             HOLDS: f"The Avia has a higher {share} than 128 lines",
         },
     )
-    return f"{text} The undecided intervals are {halves} points to either side."
+    return (
+        f"{text} The intervals of differences that are not significant have half-widths of "
+        f"{halves} percentage points."
+    )
 
 
 def comparable() -> str:
@@ -136,14 +152,15 @@ def comparable() -> str:
     worst, best = networks.low.min(), networks.high.max()
     every = known(bool((captured.value < 0).all() & (common.value < 0).all()), "lower")
     return (
-        "After fine-tuning, the Avia's AP with the settings of the study is "
-        f"{lower['captured', 'paper']} {every} than that of 128 lines. With the settings of the "
-        f"data sheets it is {lower['captured', 'datasheet']} lower. For vehicles that all LiDARs "
-        f"can see, these differences are {lower['common', 'paper']} and "
-        f"{lower['common', 'datasheet']}. Networks that are trained from scratch on the "
-        "highway, with the settings of the study, have a mean difference of at most "
-        f"{networks.value.abs().max():.1f}. Their intervals reach from {worst:.1f} to "
-        f"{best:.1f}. At the crossroad, five Avias replace one."
+        f"After fine-tuning, the Avia's AP is {every} than that of 128 lines. It is "
+        f"{lower['captured', 'paper']} lower with the settings of the study, and "
+        f"{lower['captured', 'datasheet']} lower with those of the data sheets. For vehicles that "
+        f"all LiDARs can see, it is {lower['common', 'paper']} lower with the settings of the "
+        f"study. With those of the data sheets, it is {lower['common', 'datasheet']} lower. "
+        "On the highway with the settings of the study, networks that are trained from scratch "
+        f"give a mean difference of at most {networks.value.abs().max():.1f} AP between the two "
+        f"LiDARs. The intervals of this difference lie within {worst:.1f} to {best:.1f}. At the "
+        "crossroad, five Avias are used instead of one."
     )
 
 
@@ -156,11 +173,12 @@ def detector_decides() -> str:
         for verdict, part in networks.groupby("verdict", sort=False)
     ]
     return (
-        "**The detector decides.** The study trains its networks from scratch at the "
-        f"scene. {joined([names[str(name)] for name in networks.index])} were trained in this "
-        "way on the highway, with the settings of the study. The AP of the Avia then differs from "
-        f"that of 128 lines by at most {networks.value.abs().max():.1f} on average. The verdict is "
-        f"{joined(parts)}. [Which detector?](detectors.md) compares them."
+        "**The difference depends on the detector.** The study trains its networks from scratch "
+        f"at the scene. {joined([names[str(name)] for name in networks.index])} were trained in "
+        "this way on the highway, with the settings of the study. On average, the AP of the Avia "
+        f"then differs from that of 128 lines by at most {networks.value.abs().max():.1f}. The "
+        f"verdict on the claim is {joined(parts)}. The page on [detectors](detectors.md) compares "
+        "these networks."
     )
 
 
@@ -168,8 +186,8 @@ def lines_64() -> str:
     return by_verdict(
         "64-below",
         {
-            HOLDS: "The study finds that 64 lines are below the Avia. This holds",
-            FAILS_ABOVE: "64 lines are above the Avia",
+            HOLDS: "The study finds a lower AP with 64 lines than with the Avia. This claim holds",
+            FAILS_ABOVE: "The AP with 64 lines is higher than with the Avia",
         },
     )
 
@@ -177,11 +195,12 @@ def lines_64() -> str:
 def distance() -> str:
     heads = {
         HOLDS: "With distance, the Avia's AP decreases less than that of the best spinning LiDAR",
-        FAILS_BELOW: "It decreases more",
+        FAILS_BELOW: "The Avia's AP decreases more",
     }
     return (
         f"{by_verdict('gentle', heads)} A smaller decrease does not mean a higher AP: within "
-        "60 m, the Avia can be worse. At the crossroad, five Avias replace one."
+        "60 m, the Avia can have the lower AP. At the crossroad, five Avias are used instead of "
+        "one."
     )
 
 
@@ -194,11 +213,11 @@ def value() -> str:
         bool((five.verdict == CHEAPER).all()), "five Avias reach AP 80, and so does a cheaper one"
     )
     return (
-        "A single Avia does not reach an AP of 80 on the highway or on the curve, because it sees "
-        "only one side. This AP is of all vehicles on both sides of the pole. At the crossroad, "
-        "five Avias reach it under both settings, but a cheaper LiDAR also does. These are "
-        "verdicts of the fine-tuned detector. The tables name the least expensive LiDAR that "
-        "reaches it."
+        "A single Avia does not reach an AP of 80 on the highway or on the curve. This AP is of "
+        "all vehicles on both sides of the pole, and the Avia sees only one side. At the "
+        "crossroad, five Avias reach an AP of 80 with the settings of the study and with those of "
+        "the data sheets, but a cheaper LiDAR also reaches it. These results were obtained with "
+        "the fine-tuned detector. The tables show which LiDARs reach this AP, by price."
     )
 
 
@@ -210,7 +229,7 @@ def detectors() -> str:
     others = aps.drop(index=[poor, background])[WIDE]
     only = known(
         aps[WIDE][poor] < aps[WIDE][background] < others.min(),
-        "Of all detectors, only PointRCNN has a lower AP than Background with 128 lines.",
+        "With 128 lines, only PointRCNN has a lower AP than Background.",
     )
     fast, slow = ([times["from nothing", n] for n in names] for names in (FAST, SLOW))
     known(max(fast) < min(slow), "PointPillars and CenterPoint-Pillar are the fastest of them")
@@ -218,12 +237,13 @@ def detectors() -> str:
     known(seconds[tuned] < seconds["from nothing", "pointpillars"], "fine-tuning takes less time")
     known(aps[AVIA][tuned] < aps[AVIA][of_networks].min(), "fine-tuned AP is lower with the Avia")
     return (
-        "PointPillars, CenterPoint-Pillar, PV-RCNN and DSVT, trained from scratch on the highway, "
-        f"have an AP of {span(aps.loc[of_networks].to_numpy().ravel())} with 128 lines and with "
-        "the Avia. The first two are the fastest of them. Fine-tuning the pretrained detector "
-        "takes less time than a training from scratch, but its AP with the Avia is lower. "
-        "Background needs no labels and the least time. "
-        f"{only} This holds with the settings of the study."
+        "With the settings of the study, four networks that are trained from scratch on the "
+        f"highway have an AP of {span(aps.loc[of_networks].to_numpy().ravel())} with 128 lines and "
+        "with the Avia. They are PointPillars, CenterPoint-Pillar, PV-RCNN and DSVT; the first two "
+        "are the fastest. "
+        "Fine-tuning the pretrained detector takes less time than training these networks, but "
+        "its AP with the Avia is lower than theirs. Background needs no labels, and takes the "
+        f"least time per frame. {only}"
     )
 
 
@@ -237,11 +257,11 @@ def points() -> str:
         "fewer",
     )
     return (
-        "On far vehicles, the Livox Avia has more points than the best of the other LiDARs under "
-        f"the settings of the study: {rows.value['paper']:.1f} times as many. These settings give "
-        f"it a longer range and no drop-off. It has {low} points at equal range "
-        f"({rows.value['equal']:.2f} times) and by the data sheets "
-        f"({rows.value['datasheet']:.2f} times)."
+        f"With the settings of the study, the Livox Avia has {rows.value['paper']:.1f} times as "
+        "many points on far vehicles as the best of the other LiDARs. These settings give it a "
+        f"longer range and no drop-off. If all ranges are equal, the Avia has {low} points than "
+        f"the best of the others: {rows.value['equal']:.2f} times as many. With the settings of "
+        f"the data sheets, it has {rows.value['datasheet']:.2f} times as many."
     )
 
 
@@ -250,8 +270,8 @@ def seeds() -> str:
     tuned = halves["fine-tuned"]
     known(bool((halves["background"] > tuned).all()), "Background needs more replicates")
     return (
-        "With a fine-tuned detector and five replicates, the 95 % interval of the difference of "
-        f"two LiDARs is {tuned[5]:.1f} AP to either side. With three replicates it is "
-        f"{tuned[3]:.1f} AP. Background needs more replicates: with five, the interval is "
-        f"{halves['background'][5]:.1f} AP to either side."
+        "With a fine-tuned detector and five replicates, the 95 % interval of the AP difference "
+        f"between two LiDARs has a half-width of {tuned[5]:.1f} AP. With three replicates, the "
+        f"half-width is {tuned[3]:.1f} AP. Background needs more replicates: with five, the "
+        f"half-width is {halves['background'][5]:.1f} AP."
     )

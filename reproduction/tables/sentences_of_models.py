@@ -24,14 +24,15 @@ def fidelity() -> str:
     known(all(c.is_significant for c in none.values()), "each LiDAR's AP depends on the parts")
     known(not any(c.is_significant for c in finer), "finer bodies do not change AP significantly")
     besides = [LIDARS[name] for name, change in glass.items() if change.is_significant]
-    exception = known(besides == ["Avia"], "for all LiDARs but the Avia")
+    exception = known(besides == ["Avia"], "except for the Avia")
     return (
-        "Without windows, the gap under a vehicle and the coat of its paint, the AP of Background "
-        f"is {span(c.value for c in none.values())} too high. Windows alone give the same AP as "
-        f"all three {exception}, within the intervals of the table. Without plants, the AP of "
-        f"the Avia is {plants['livox_avia'].value:.0f} too high, and that of 16 lines "
-        f"{plants['helios_16'].value:.0f}. Bodies with ten times as many triangles do not change "
-        f"AP significantly: the intervals lie within {within(finer)} to either side."
+        "If vehicles have no windows, no gap below them and no clear coat, the AP of "
+        f"Background is {span(c.value for c in none.values())} too high. With windows alone, the "
+        f"AP does not differ significantly from that with all three, {exception}. If a scene "
+        f"has no plants, the AP of the Avia is {plants['livox_avia'].value:.0f} too high, and "
+        f"that of 16 lines {plants['helios_16'].value:.0f} too high. Vehicle bodies with ten times "
+        "as many triangles do not change the AP significantly: the intervals of the changes lie "
+        f"within -{within(finer)} to {within(finer)}."
     )
 
 
@@ -41,20 +42,23 @@ def failures() -> str:
     background = [at for key, at in falls["pitch_error"].items() if key[1] == "background"]
     yaw, height = falls["yaw_error"].values(), falls["height_error"].values()
     return (
-        f"A yaw error of {span(yaw, 2)} degrees costs 10 AP, whatever the detector. So does an "
-        f"error of {span(height, 1)} m in the height. An error of the pitch costs networks 10 AP "
-        f"from {min(networks.values()):.1f} degrees, and Background from {min(background):.2f}. "
-        f"In rain and fog, and with lost points, {_later(('rain', 'fog', 'drop_out'))}."
+        f"With every detector, a yaw error of {span(yaw, 2)} degrees lowers the AP by 10. A height "
+        f"error of {span(height, 1)} m has the same effect. With networks, a pitch error has this "
+        f"effect from {min(networks.values()):.1f} degrees on, and with Background from "
+        f"{min(background):.2f} degrees on. {_tolerant(('rain', 'fog', 'drop_out'))}"
     )
 
 
-def _later(stressors: tuple[str, ...]) -> str:
+def _tolerant(stressors: tuple[str, ...]) -> str:
     for name in stressors:
         at = stress.falls(name)
         for lidar in {lidar for lidar, _ in at}:
             tuned, other = at[lidar, "fine-tuned"], at[lidar, "background"]
-            known(tuned > other, f"{name}, {lidar}: fine-tuned networks fail later than Background")
-    return "fine-tuned networks fail later than Background"
+            known(tuned > other, f"{name}, {lidar}: the fine-tuned detector tolerates more")
+    return (
+        "The fine-tuned detector tolerates more rain, more fog and more lost points than "
+        "Background."
+    )
 
 
 def integration() -> str:
@@ -73,10 +77,10 @@ def integration() -> str:
     known(slow.low > 0 > fast.high, "stacks raise AP at 20 km/h and lower it at 62 km/h")
     none = known(not any(c.low > 0 for c in last), "no significant gain")
     return (
-        f"With the Avia, clouds of 0.5 s raise the AP by {slow.value:.1f} if vehicles drive at 20 "
-        "km/h and the label is that of the middle frame, so the result is late. At 62 km/h they "
-        "lower the AP. With the label of the last frame, as a detector in real time needs it, "
-        f"there is {none}."
+        "With the Avia, clouds that contain the frames of 0.5 s raise the AP by "
+        f"{slow.value:.1f} if vehicles drive at 20 km/h. The label is then that of the middle "
+        "frame, so that the result is late. At 62 km/h, these clouds lower the AP. With the label "
+        f"of the last frame, which a detector in real time needs, they give {none}."
     )
 
 
@@ -93,11 +97,11 @@ def label_times() -> str:
         own.append(scan[trained_at] - tested[trained_at])
         others += [scan[angle] - tested[angle] for angle in ANGLES_DEG if angle != trained_at]
     return (
-        "Labels at mid-frame make a trained detector depend on the cut angle of the LiDAR. At the "
-        f"cut angle of its training it loses {span(own)} AP; at another one it loses "
-        f"{span(others)} AP. With labels at scan time, the cut angle has no significant effect. "
-        "Use `label_time: scan` unless your detector always runs with the cut angle of its "
-        "training."
+        "With labels at mid-frame, the AP of a trained detector depends on the cut angle of the "
+        f"LiDAR. At the cut angle of its training, the AP is {span(own)} lower than with labels "
+        f"at scan time; at other cut angles it is {span(others)} lower. With labels at scan time, "
+        "the cut angle has no significant effect. Use `label_time: scan` unless your detector "
+        "always runs with the cut angle of its training."
     )
 
 
@@ -111,12 +115,12 @@ def placement() -> str:
     known(ap.high < 0, "the AP of several LiDARs of 16 lines is lower")
     units = table.loc["helios_16 less ruby_plus, number of LiDARs"].value + 1
     return (
-        "At equal price, the pose that `pyinfra plan` predicts to be best has "
-        f"{gain.value:.0f} AP more than the mean of six poses of the same LiDAR "
-        f"([{gain.low:.0f}, {gain.high:.0f}]). Within the price of one LiDAR of 128 lines, plans "
-        f"have {units:.1f} LiDARs of 16 lines on average. The number of vehicles that they find "
-        "within 60 m does not differ significantly, and their AP over the whole region is "
-        f"{-ap.value:.0f} lower."
+        "At equal price, the pose that `pyinfra plan` predicts to be best has a higher AP than the "
+        f"mean of six poses of the same LiDAR. The difference is {gain.value:.0f} AP "
+        f"[{gain.low:.0f}, {gain.high:.0f}]. For the price of one LiDAR of 128 lines, plans have "
+        f"{units:.1f} LiDARs of 16 lines on average. Their share of vehicles found within 60 m "
+        "does not differ significantly from that of 128 lines, and their AP over the whole region "
+        f"is {-ap.value:.0f} lower."
     )
 
 
@@ -136,12 +140,13 @@ def lidar_models() -> str:
         *("first echo", "last echo", "two echoes", "exponent 0.5"),
     ]
     return (
-        "Without the divergence of beams, and without ranges by channel, the points per vehicle "
-        f"of one LiDAR change by up to {max(on):.0f} % relative to another. More sub-rays, "
-        "sub-rays everywhere and another separation of echoes change them by at most "
-        f"{most:.1f} %, and are off. The width of an unpublished beam, the echo mode and the "
-        f"exponent change them by {span(largest[name] for name in choices)} %, so compare both "
-        "ends."
+        "If the simulation leaves out the divergence of beams or the range of each channel, the "
+        f"ratio of two LiDARs' points per vehicle changes by up to {max(on):.0f} %. More sub-rays, "
+        "sub-rays everywhere and a different separation of echoes change this ratio by at most "
+        f"{most:.1f} %, and are off by default. Assumed beam widths, the echo mode and the "
+        "exponent of the law of range change the ratio by "
+        f"{span(largest[name] for name in choices)} %, so compare LiDARs with several values of "
+        "them."
     )
 
 
@@ -150,8 +155,8 @@ def tracks() -> str:
     table = table[table.lidar.isin(("ruby_plus", "pandar_64"))]
     off = 100 * (table.passages - table.passages_true).abs() / table.passages_true
     return (
-        f"With 64 and 128 lines, HOTA is {span(table.hota)}, and counts differ from the truth by "
-        f"at most {off.max():.0f} %."
+        f"With 64 and 128 lines, the tracks have a HOTA of {span(table.hota)}, and the counts of "
+        f"vehicles differ from the true counts by at most {off.max():.0f} %."
     )
 
 
@@ -162,8 +167,9 @@ def follow() -> str:
     return known(
         growth < 1,
         f"The memory of `pyinfra detect --follow` stays at {span(table.memory_mb)} MB for an hour. "
-        f"On two cores with a load average of {span(table.load)}, it drops {span(dropped)} % of "
-        f"the clouds, and a delay is at most {table.delay_max_ms.max() / 1000:.1f} s.",
+        f"On two cores with a load average of {span(table.load)}, the command drops "
+        f"{span(dropped)} % of the clouds. The longest delay is "
+        f"{table.delay_max_ms.max() / 1000:.1f} s.",
     )
 
 
@@ -174,8 +180,8 @@ def people() -> str:
     wide = [end[name] for name in ("ruby_plus", "hesai_ot128", "velodyne_vls_128")]
     narrow = [end[name] for name in ("helios_16", "velodyne_vlp_16")]
     return (
-        f"A LiDAR of 128 lines has 5 points per frame on a pedestrian up to {span(wide)} m. A "
-        f"LiDAR of 16 lines has them only up to {span(narrow)} m."
+        "LiDARs of 128 lines have at least 5 points per frame on a pedestrian up to a distance of "
+        f"{span(wide)} m. For LiDARs of 16 lines, this distance is {span(narrow)} m."
     )
 
 

@@ -29,10 +29,10 @@ def places() -> str:
     gains = joined([f"{d.value:.0f} AP with {name}" for name, d in second.items()])
     return (
         f"Houses hide {hidden['back']:.0f} % of the vehicles from the pole before the crossing, "
-        f"and {hidden['6m']:.0f} % from the pole at the corner. Only the AP of all vehicles shows "
-        "this. At the corner, fewer vehicles are hidden from 8 m than from 6 m, but the AP of all "
-        "vehicles is lower, also if the LiDAR is tilted down. "
-        f"A second pole of the same height adds {gains}."
+        f"and {hidden['6m']:.0f} % from the pole at the corner. Only the AP of all vehicles, "
+        "visible or not, shows this effect. At the corner, fewer vehicles are hidden from a height "
+        "of 8 m than from 6 m, but the AP of all vehicles is lower at 8 m, also if the LiDAR is "
+        f"tilted down. A second pole of the same height adds {gains}."
     )
 
 
@@ -49,8 +49,8 @@ def poles() -> str:
     more = span(d.value for lidar, d in further.items() if lidar not in equal)
     besides = f"; with {joined(equal)}, the change is not significant" if equal else ""
     return (
-        f"A second pole adds {second} AP on average with Background. Two more poles add {more} "
-        f"AP{besides}."
+        f"With Background, a second pole adds {second} AP on average. The third and fourth pole "
+        f"together add {more} AP{besides}."
     )
 
 
@@ -65,9 +65,9 @@ def pole_errors() -> str:
                 costs.append(-error.value)
     known(all(d.low <= 0 <= d.high for d in clocks), "late clocks do not change AP significantly")
     return (
-        "Clocks that are up to 50 ms late do not change AP significantly at this junction. A yaw "
-        f"error of 0.5 degrees costs {span(turned[2])} AP with two poles, and {span(turned[4])} AP "
-        "with four."
+        "Clocks that are up to 50 ms late do not change the AP significantly at this junction. A "
+        f"yaw error of 0.5 degrees lowers the AP by {span(turned[2])} with two poles, and by "
+        f"{span(turned[4])} with four."
     )
 
 

@@ -32,7 +32,9 @@ def growth() -> str:
                 text += f" ({other:.{digits}f})"
             cells.append(text)
         rows.append([f"{quantity}: {size:,}", *cells])
-    return markdown(["scene", "CPU of a frame, ms", "CPU of the start, s", "peak memory, MB"], rows)
+    return markdown(
+        ["scene", "CPU time per frame, ms", "CPU time of the start, s", "peak memory, MB"], rows
+    )
 
 
 def ladder(detector: str = "background", preset: str = "datasheet") -> str:
@@ -53,7 +55,7 @@ def ladder(detector: str = "background", preset: str = "datasheet") -> str:
         else:
             cells = [mean_of_ap(aps[lidar]) for lidar in lidars]
         rows.append([", ".join(other) or "default", f"{seconds:.0f}", *cells])
-    return markdown(["model", "CPU, s", *(LIDARS[lidar] for lidar in lidars)], rows)
+    return markdown(["changed setting", "CPU time, s", *(LIDARS[lidar] for lidar in lidars)], rows)
 
 
 def changes_of_models(

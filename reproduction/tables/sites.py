@@ -49,8 +49,9 @@ def people() -> str:
             people_distance(group[group["class"] == name]) for name in ("Pedestrian", "Cyclist")
         ]
         rows.append([str(lidar), *distances, *(f"{walkers.get(m, 0):g}" for m in at_m)])
-    heads = ["LiDAR", "pedestrian, m", "cyclist, m"]
-    return markdown([*heads, *(f"points from {m} m" for m in at_m)], rows)
+    heads = ["LiDAR", "distance of pedestrians, m", "distance of cyclists, m"]
+    points = (f"points on a pedestrian, {m} to {m + PEOPLE_BIN_M} m" for m in at_m)
+    return markdown([*heads, *points], rows)
 
 
 def people_distance(bins: pd.DataFrame) -> str:
@@ -81,8 +82,14 @@ def traffic() -> str:
         figures = (f"{before[name]:.4g} / {after[name]:.4g}" for name in pairs)
         tracks = f"{after.vehicles_and_riders} + {after.pedestrians}"
         rows.append([net, str(seed), tracks, str(after.left_out), *figures, str(after.appearing)])
-    heads = ["network", "seed", "vehicles and riders + pedestrians", "left out", "turn, degrees"]
-    return markdown([*heads, "acceleration, m/s2", "overlaps, %", "appear inside"], rows)
+    heads = [
+        "network",
+        "seed",
+        "vehicles and riders + pedestrians",
+        "tracks left out",
+        "turn, degrees",
+    ]
+    return markdown([*heads, "acceleration, m/s2", "overlaps, %", "appear or vanish inside"], rows)
 
 
 def sites() -> str:
@@ -100,8 +107,9 @@ def sites() -> str:
         ap_cells = [site_ap(by_lidar.loc[lidar], "all") for lidar in ("ruby_plus", "livox_avia")]
         captured = [site_ap(by_lidar.loc["livox_avia"], "captured")]
         rows.append([str(site).replace("_", " "), *counts, *seconds, *ap_cells, *captured])
-    heads = ["site", "lanes", "triangles, k", "vehicles", *(f"{step}, s" for step in steps)]
-    heads += ["Background, s", "AP of all, 128 lines", "AP of all, Avia", "of captured, Avia"]
+    heads = ["site", "lanes", "triangles, thousands", "vehicles", *(f"{step}, s" for step in steps)]
+    heads += ["Background, s", "AP of `all`, 128 lines", "AP of `all`, Avia"]
+    heads += ["AP of `captured`, Avia"]
     return markdown(heads, rows)
 
 

@@ -38,15 +38,16 @@ def measures() -> str:
             f"{row.det_a:.0f}",
             f"{row.ass_a:.0f}",
             f"{row.mota:.0f}",
-            f"{row.switches:.0f} of {row.objects:.0f}",
+            f"{row.objects:.0f}",
+            f"{row.switches:.0f}",
             f"{row.false_tracks_per_min:.0f}",
             number(row.speed_error_km_h),
             number(row.speed_p95_km_h),
         ]
         for row in rows_of("detector").itertuples()
     ]
-    heads = ["scene", "LiDAR", "HOTA", "DetA", "AssA", "MOTA", "switches, of vehicles"]
-    heads += ["false tracks a minute", "speed error, km/h", "95 % below, km/h"]
+    heads = ["scene", "LiDAR", "HOTA", "DetA", "AssA", "MOTA", "vehicles", "identity switches"]
+    heads += ["false tracks per minute", "speed error, km/h", "its 95th percentile, km/h"]
     return markdown(heads, rows)
 
 
@@ -65,7 +66,7 @@ def passages() -> str:
         for row in rows_of("detector").itertuples()
     ]
     heads = ["scene", "LiDAR", "true passages", "counted", "difference, %"]
-    return markdown([*heads, "never counted", "counted without a vehicle"], rows)
+    return markdown([*heads, "passages never counted", "counts without a passage"], rows)
 
 
 def true_boxes() -> str:
@@ -83,7 +84,15 @@ def true_boxes() -> str:
         ]
         for row in rows_of("true").itertuples()
     ]
-    heads = ["scene", "LiDAR", "vehicles", "tracks", "switches", "true passages", "counted"]
+    heads = [
+        "scene",
+        "LiDAR",
+        "vehicles",
+        "tracks",
+        "identity switches",
+        "true passages",
+        "counted",
+    ]
     return markdown([*heads, "speed error, km/h"], rows)
 
 
@@ -118,5 +127,5 @@ def follow() -> str:
         ]
         for row in results("follow").itertuples()
     ]
-    heads = ["minute", "clouds", "lines", "delay, ms (median)", "95 %", "longest", "memory, MB"]
-    return markdown([*heads, "load"], rows)
+    heads = ["minute", "clouds", "lines", "median delay, ms", "95th percentile, ms", "longest, ms"]
+    return markdown([*heads, "memory, MB", "load average"], rows)

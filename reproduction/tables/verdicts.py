@@ -213,7 +213,7 @@ def value(preset: str) -> str:
     """Returns the AP of all vehicles (`present`) of each LiDAR, beside its price."""
     prices = results("lidars").drop_duplicates("lidar").set_index("lidar").price_high_usd
     heads = ["scene", "LiDAR", "price, USD", "AP of `present`", f"AP {LEVEL_AP:g} reached"]
-    heads += [f"AP per 1,000 USD with {cost:,} of site costs" for cost in SITE_COSTS_USD]
+    heads += [f"AP per 1,000 USD, site costs {cost:,}" for cost in SITE_COSTS_USD]
     rows = []
     for (scene, of), aps in aps_of("present"):
         for lidar in prices[list(aps)].sort_values().index if of == preset else ():
@@ -321,8 +321,8 @@ def decided(subsets: Sequence[str] = ("captured", "common", "present")) -> str:
         [str(preset), JUDGES[BOTH], *_counts(part[part.verdict != ONE])]
         for preset, part in table[table.judge == BOTH].groupby("preset", sort=False)
     ]
-    heads = ["preset", "detector", "rows", "decided", "depends on the detector"]
-    heads += ["known to the precision", "wrong by chance, expected at most"]
+    heads = ["preset", "detector", "rows", "`holds` or `fails`", "`depends on the detector`"]
+    heads += ["narrow intervals", "false verdicts expected, at most"]
     return markdown(heads, rows)
 
 

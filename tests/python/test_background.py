@@ -322,7 +322,10 @@ def test_an_outline_may_have_a_bay_and_a_margin_makes_it_wider(
     ("corners", "message"),
     [
         ("[[0, 0], [1, 0]]", "outline_m: expected 3 or more corners, got 2"),
-        ("[[0, 0], [1, 1], [2, 2]]", "outline_m: expected an outline with an area, got none"),
+        (
+            "[[0, 0], [1, 1], [2, 2]]",
+            "outline_m: expected an outline with an area above 0, got an area of 0",
+        ),
         (
             "[[-5, -2], [5, 2], [5, -2], [-6, 3]]",
             "outline_m: expected .*, got side 1 across side 3",
@@ -454,7 +457,7 @@ def test_a_wrong_file_is_an_error_that_names_it(
         }
         np.savez(file, **(good | bad[wrong]))
     with pytest.raises(
-        ValueError, match=r"wrong\.npz: expected a background model, got another kind of file"
+        ValueError, match=r"wrong\.npz: expected a background model, got a file that cannot be read"
     ):
         Background.load(file)
 

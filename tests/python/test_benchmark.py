@@ -390,8 +390,8 @@ def test_a_dry_run_refuses_a_preset_that_a_lidar_lacks(
         ),
         (
             ("helios_16", "helios"),
-            r"small.yaml:5: matrix.0.lidars.0: expected a file or a name, got 'helios'; did you "
-            "mean 'helios_16'",
+            r"small.yaml:5: matrix.0.lidars.0: expected a .yaml file or one of the package's "
+            "lidars, got 'helios'; did you mean 'helios_16'",
         ),
         (
             ("tiny.yaml", "none.yaml"),

@@ -102,7 +102,7 @@ def test_other_costs_of_the_site_do_not_change_prices_in_silence(
     config.write_text(f"{MATRIX}costs: {{pole_usd: 1500}}\n")
     assert run(config) == 2
     assert (
-        "site_usd: expected 1500 as in this benchmark, got 0; choose another --out"
+        "site_usd: expected 1500 as in this benchmark, got 0; choose a different --out"
         in capsys.readouterr().err
     )
 
@@ -256,7 +256,9 @@ def test_a_training_of_another_recipe_does_not_go_on(tmp_path: Path) -> None:
     claim_run(tmp_path / "run", {"inputs": "a", "recipe": "c"})  # nothing has been learnt yet
     (tmp_path / "run/last.safetensors").touch()
     claim_run(tmp_path / "run", {"inputs": "a", "recipe": "c"})
-    with pytest.raises(ConfigError, match=r"run: expected a training of this recipe .*got another"):
+    with pytest.raises(
+        ConfigError, match=r"run: expected a detector trained with this recipe .*got a different"
+    ):
         claim_run(tmp_path / "run", {"inputs": "a", "recipe": "b"})
 
 

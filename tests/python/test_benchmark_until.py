@@ -128,7 +128,7 @@ def test_replicates_of_the_command_have_traffic_of_their_own(
 def test_several_seeds_or_no_width_are_refused(config: Path, tmp_path: Path) -> None:
     workspace = Workspace(tmp_path / "work", tmp_path / "out", "smoke")
     plan = read_plan(config, "smoke")
-    with pytest.raises(Error, match="until: expected a half-width above 0 AP, got 0"):
+    with pytest.raises(Error, match=r"until: expected a half-width above 0 .*, got 0"):
         until.benchmark_until(plan, workspace, Pool("local", 1), 0.0)
     config.write_text(CONFIG + "    seeds: [1, 2]\n")
     with pytest.raises(Error, match="seeds: expected one seed"):

@@ -27,7 +27,9 @@ def test_scores_are_then_shares_of_right_boxes() -> None:
 
 def test_sure_scores_stay_finite() -> None:
     assert np.isfinite(logit(np.array([0.0, 1.0]))).all()
-    with pytest.raises(ValueError, match="expected true and false positives, got 2 true of 2"):
+    with pytest.raises(
+        ValueError, match="expected true and false positives, got 2 true positives in 2"
+    ):
         fit(np.array([0.2, 0.9]), np.array([True, True]))
 
 

@@ -151,7 +151,7 @@ def test_names_that_count_nowhere_are_named(tmp_path: Path, objects: bool) -> No
     line = 2 if objects else 1
     file = kitti.frame_file(gt, part, 3)
     assert text.startswith(
-        f"{file}:{line}: objects of unknown classes do not count: car (72); expected Car, Van, "
+        f"{file}:{line}: objects of unknown classes are ignored: car (72); expected Car, Van, "
     )
     assert names_of(gt, pred)[1] == {"other-types"}
     custom = evaluate(gt, pred, Settings({"vehicle": ("Car", "car")}, ("captured",)))
@@ -163,7 +163,7 @@ def test_labels_are_looked_at_beside_objects(tmp_path: Path) -> None:
     replace(kitti.frame_file(gt, "label_2", 4), "Car", "car")
     (text,) = [f.text for f in validate(gt) if f.name == "other-types"]
     assert text.startswith(
-        f"{kitti.frame_file(gt, 'label_2', 4)}:1: objects of unknown classes do not count: car (8)"
+        f"{kitti.frame_file(gt, 'label_2', 4)}:1: objects of unknown classes are ignored: car (8)"
     )
 
 
@@ -175,7 +175,7 @@ def test_training_says_which_names_are_no_vehicle(tmp_path: Path) -> None:
     replace(kitti.frame_file(gt, "objects", 4), "Car", "car")
     warning = read_source(gt, "smoke").read_warning()
     assert warning is not None
-    assert "000004.csv:2: objects of unknown classes do not count: car (8)" in warning
+    assert "000004.csv:2: objects of unknown classes are ignored: car (8)" in warning
 
 
 # --- which folders are LiDARs

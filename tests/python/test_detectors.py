@@ -397,7 +397,9 @@ def test_the_site_holds_every_vehicle() -> None:
     site = site_of([sample.boxes for sample in samples])
     for sample in samples:
         assert site.area.holds(sample.boxes[:, :3]).all()
-    with pytest.raises(ValueError, match="expected a vehicle in the training frames, got none"):
+    with pytest.raises(
+        ValueError, match="expected one or more labelled vehicles in the training frames"
+    ):
         site_of([np.empty((0, 7))])
 
 

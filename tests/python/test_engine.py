@@ -217,7 +217,9 @@ def test_changed_code_is_refused(monkeypatch: pytest.MonkeyPatch, capsys) -> Non
 
     monkeypatch.setattr(engine, "changed_code", lambda: ["cpp/a.cpp"])
     monkeypatch.setattr(sys, "argv", ["results", "people.csv"])
-    with pytest.raises(Error, match=r"expected committed code, got changes in cpp/a\.cpp"):
+    with pytest.raises(
+        Error, match=r"expected committed code, got uncommitted changes in cpp/a\.cpp"
+    ):
         results.main()
     assert "people.csv" in capsys.readouterr().out
 

@@ -73,9 +73,7 @@ def test_objects_that_nobody_tracked_are_new_ones_in_every_frame(tmp_path: Path)
 def test_a_description_that_is_no_mapping_is_named(tmp_path: Path) -> None:
     folder = write_recording(tmp_path)
     (tmp_path / "dataset.yaml").write_text("highway\n")
-    with pytest.raises(
-        FormatError, match=r"dataset\.yaml:1: expected keys and values, got something else"
-    ):
+    with pytest.raises(FormatError, match=r"dataset\.yaml:1: expected keys with values, got"):
         read_series(folder)
 
 

@@ -81,7 +81,11 @@ def test_frames_and_splits_are_chosen(pole: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "code", "part"),
     [
-        (["--frames", "0:3"], 2, "--frames: expected a range with frames of .*, got '0:3'"),
+        (
+            ["--frames", "0:3"],
+            2,
+            "--frames: expected a range that contains frames of .*, got '0:3'",
+        ),
         (["--frames", "5"], 2, r"--frames: expected A:B\[:STEP\], got '5'"),
         (["--split", "train"], 1, "ImageSets/train.txt: No such file"),
     ],
@@ -136,7 +140,7 @@ def test_a_folder_that_is_there_stays_unless_empty(
     assert main.main(words(pole, out)) == 0
     capsys.readouterr()
     assert main.main(words(pole, out)) == 1
-    assert "out: expected a new or an empty folder, got one with files" in capsys.readouterr().err
+    assert "out: expected a new or empty folder, got a folder with files" in capsys.readouterr().err
     (tmp_path / "file").touch()
     assert main.main(words(pole, tmp_path / "file")) == 1
 

@@ -31,6 +31,7 @@ from reproduction.tables import common
 NOW = str(simulation.frames_version())
 V0_3 = ROOT / "tests/data/v0_3"
 VERSION_3 = model_file(Path("generalist-3"))
+NOTE = re.compile(r"easured on frames of simulator version \d+\.\d+ \(`frames_version` \d+\)\.")
 
 
 def recorded_as(data: Path, line: str) -> None:
@@ -97,7 +98,8 @@ def test_detection_on_frames_of_another_number_warns_once(
     words = ["detect", str(data), "--out", str(tmp_path / "boxes"), "--max-frames", "1",
              "--model", "generalist-3"]  # fmt: skip
     assert main.main(words) == 0
-    text = f"generalist-3: learnt from frames 3, used on frames {NOW}"
+    text = "generalist-3: learnt from frames of frames_version 3, used on frames of frames_version "
+    text += NOW
     assert capsys.readouterr().err.count(text) == 1
     with pytest.warns(UserWarning, match=text):
         pi.detect("generalist-3", pi.load_dataset(data)[:1])
@@ -140,7 +142,10 @@ def test_a_recommendation_names_a_detector_of_other_frames() -> None:
     row = pd.Series({"detector": "generalist-as-is", "frames_version": "4"})
     assert other_frames_of(row) == ""  # tables of earlier versions have no number of the detector
     row["learnt_frames_version"] = "3"
-    assert "learnt from frames 3, used on frames 4" in other_frames_of(row)
+    assert (
+        "learnt from frames of frames_version 3, used on frames of frames_version 4"
+        in other_frames_of(row)
+    )
 
 
 def test_a_working_folder_holds_frames_of_one_number(tmp_path: Path) -> None:
@@ -164,7 +169,7 @@ def test_each_page_of_results_names_the_frames_below_each_table() -> None:
         blocks = [match[4] for match in found if match[2] == "table"]
         assert blocks, page
         for block in blocks:
-            assert re.search(r"easured on frames \d+ \(version \d+\.\d+\)\.", block), page
+            assert NOTE.search(block), page
 
 
 def test_the_present_number_has_a_version() -> None:
@@ -204,7 +209,7 @@ def test_a_table_names_the_number_of_its_rows(recorded: Callable[..., None]) -> 
     for name, numbers, expected in (("old", (None, None), 3), ("new", (4, 4), 4)):
         recorded(name, *numbers)
         assert made(name).endswith(f"| 2 |\n\n{sentence(expected)}\n")
-    assert sentence(4) == "Measured on frames 4 (version 0.5)."
+    assert sentence(4) == "Measured on frames of simulator version 0.5 (`frames_version` 4)."
 
 
 def test_a_table_of_several_numbers_is_refused(recorded: Callable[..., None]) -> None:
@@ -221,11 +226,13 @@ def test_a_table_of_several_numbers_is_refused(recorded: Callable[..., None]) ->
 
 def test_the_index_lists_the_tables_of_each_number(recorded: Callable[..., None]) -> None:
     recorded("old", None)
-    assert common.frames_of_results() == "The tables are measured on frames 3 (version 0.4).\n"
+    assert common.frames_of_results() == (
+        "The tables are measured on frames of simulator version 0.4 (`frames_version` 3).\n"
+    )
     recorded("new", 4)
     text = common.frames_of_results()
-    assert "| Measured on frames 3 (version 0.4). | `old` |" in text
-    assert "| Measured on frames 4 (version 0.5). | `new` |" in text
+    assert f"| {sentence(3)} | `old` |" in text
+    assert f"| {sentence(4)} | `new` |" in text
 
 
 def test_laws_of_the_present_frames_need_no_note() -> None:

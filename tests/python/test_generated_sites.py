@@ -497,12 +497,16 @@ def test_a_run_on_a_stream_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
 
 def test_background_learns_from_no_stream(tmp_path: Path) -> None:
     recipe = read_recipe(configs() / "detectors/background.yaml", "smoke")
-    with pytest.raises(ValueError, match="background: expected one LiDAR, got a stream of sites"):
+    with pytest.raises(
+        ValueError, match="background: expected one LiDAR to train on, got a stream"
+    ):
         train(recipe, site_stream(PLAN, FEW), tmp_path / "run")
 
 
 def test_nothing_is_kept_of_a_stream_to_validate_by(tmp_path: Path) -> None:
     recipe = read_recipe(configs() / "detectors/pointpillars.yaml", "smoke")
     recipe = replace(recipe, learning=replace(recipe.learning, validate_frames=3))
-    with pytest.raises(ValueError, match="validate_frames: expected 0, got 3 for a stream"):
+    with pytest.raises(
+        ValueError, match="validate_frames: expected 0 for a stream of random sites, got 3"
+    ):
         train(recipe, site_stream(PLAN, FEW), tmp_path / "run")

@@ -72,7 +72,9 @@ def test_few_vehicles_tell_no_slope() -> None:
     boxes[:, 2] += [0.1, 0, -0.1]
     a, b, _ = ground_of_boxes([boxes]).plane
     assert abs(a) + abs(b) < 0.01
-    with pytest.raises(ValueError, match="expected a vehicle in the training frames, got none"):
+    with pytest.raises(
+        ValueError, match="expected one or more labelled vehicles in the training frames"
+    ):
         ground_of_boxes([np.empty((0, 7))])
 
 

@@ -124,8 +124,8 @@ def test_hits_are_read_from_a_summary(tmp_path: Path) -> None:
     ("old", "new", "message"),
     [
         ("hits_per_frame", "hits", "got no column hits_per_frame"),
-        ("paper,2", "paper,0", "summary.csv: expected frames, got none"),
-        (SUMMARY[SUMMARY.index("livox") :], "", "summary.csv: expected frames, got none"),
+        ("paper,2", "paper,0", "summary.csv: expected one or more frames"),
+        (SUMMARY[SUMMARY.index("livox") :], "", "summary.csv: expected one or more frames"),
     ],
 )
 def test_summary_without_hits_is_an_error(tmp_path: Path, old: str, new: str, message: str) -> None:

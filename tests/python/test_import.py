@@ -558,7 +558,7 @@ def test_a_folder_that_is_there_stays(
     words = ["import", source, "--from", "openpcdet", "--out", tmp_path / "in/pole"]
     assert main.main([str(word) for word in words]) == 0
     capsys.readouterr()
-    fails(words, capsys, 1, "in/pole: expected a new or an empty folder, got one with files")
+    fails(words, capsys, 1, "in/pole: expected a new or empty folder, got a folder with files")
     words[-1] = tmp_path / "in/second"
     fails(words, capsys, 2, "expected a new folder", "does not share object ids")
     assert sorted(path.name for path in (tmp_path / "in").iterdir()) == ["dataset.yaml", "pole"]

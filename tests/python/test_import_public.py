@@ -205,7 +205,7 @@ WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
     "no list": (lambda c: {"a": 1}, "expected a list of objects"),
     "no size": (
         with_first(lambda o: o.pop("3d_dimensions")),
-        "object 0: expected a '3d_dimensions', got none",
+        "object 0: expected the key '3d_dimensions', got none",
     ),
     "no number": (
         with_first(lambda o: o["3d_location"].update(x="far")),
@@ -214,7 +214,7 @@ WRONG: dict[str, tuple[Callable[[Any], Any], str]] = {
     "flat": (with_first(lambda o: o["3d_dimensions"].update(h=0)), "expected sizes above 0.001 m"),
     "degrees": (
         with_first(lambda o: o.update(rotation=90)),
-        "rotation: expected -2 pi to 2 pi, radians, got 90",
+        "rotation: expected -2 pi to 2 pi rad, got 90",
     ),
     "no rotation": (
         with_first(lambda o: o.update(rotation=None)),
@@ -297,7 +297,7 @@ def test_wrong_cuboids_are_named(
 def test_one_of_several_lidars_is_chosen(motorway: Path, tmp_path: Path) -> None:
     source = tumtraf(motorway, tmp_path / "set")
     write_cloud(source / "point_clouds/north/1651673050_454284855_north.pcd", motorway, 0)
-    with pytest.raises(ValueError, match=f"expected one LiDAR, got north, {LIDAR}; "):
+    with pytest.raises(ValueError, match=f"expected one LiDAR, got the LiDARs north, {LIDAR}; "):
         import_recording(source, "tumtraf", tmp_path / "in/p", FACTS, Options())
     chosen = Options(channel=LIDAR)
     assert import_recording(source, "tumtraf", tmp_path / "in/p", FACTS, chosen)[0].frames == 3

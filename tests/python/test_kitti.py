@@ -130,7 +130,7 @@ def test_lidar_file_gives_radians_and_every_unit(tmp_path: Path) -> None:
             "lidar.yaml:10: field_of_view[1].range_m: expected ..., got [2.0, 1.0]",
         ),
         ("[1, 2]", "2", "lidar.yaml:10: field_of_view[1].range_m: expected a list"),
-        ('name: "two"', "name: [two]", "lidar.yaml:1: name: expected ..., got a collection"),
+        ('name: "two"', "name: [two]", "lidar.yaml:1: name: expected ..., got a list"),
         ("period_s: 0.1\n", "", "lidar.yaml:1: expected a key 'period_s', got none"),
         ("label_time: frame\n", "", "lidar.yaml:1: expected a key 'label_time', got none"),
         ("{low: 100", "{low: 100}}", "lidar.yaml:4: cannot be read as YAML"),

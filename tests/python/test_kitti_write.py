@@ -230,9 +230,9 @@ def refusal(read: Callable[[Path], object], file: Path) -> str | None:
         (
             "R0_rect: 9.999239e-01",
             "R0_rect: nan",
-            ":5: R0_rect: expected 9 finite numbers up to 1e+06, got other values",
+            ":5: R0_rect: expected 9 finite numbers up to 1e+06, got ",
         ),
-        ("R0_rect: 9.999239e-01", "R0_rect: one", ":5: R0_rect: expected numbers, got a word"),
+        ("R0_rect: 9.999239e-01", "R0_rect: one", ":5: R0_rect: expected numbers, got 'one"),
         (
             "R0_rect: 9.999239e-01",
             "R0_rect: 2",
@@ -296,9 +296,9 @@ def test_the_transform_of_the_odometry_benchmark_is_rectified(tmp_path: Path) ->
 def test_wrong_arrays_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
     file = tmp_path / "out"
     for points in (np.zeros((2, 3), np.float32), np.zeros((2, 4)), np.full((1, 4), np.nan, "f4")):
-        with pytest.raises(ValueError, match=r"points: expected .*got "):
+        with pytest.raises(ValueError, match=r"points: .*expected .*got "):
             kitti.write_points(file, points)
     flat = kitti.Labels(np.array(["Car"]), np.array([[0, 0, 0, 4, 2, 0, 0.0]]), None)
-    with pytest.raises(ValueError, match="boxes: expected sizes above 0, got 0 or less"):
+    with pytest.raises(ValueError, match="boxes: expected sizes above 0, got 0"):
         kitti.write_labels(file, flat)
     assert list(tmp_path.iterdir()) == []

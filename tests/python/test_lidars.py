@@ -107,7 +107,7 @@ def test_a_preset_that_most_lack_is_reported_for_each() -> None:
 @pytest.mark.parametrize(
     ("text", "code", "message"),
     [
-        (None, 2, "LIDAR: expected a file or a name, got '...mine'"),
+        (None, 2, "LIDAR: expected a file or a name from the package, got '...mine'"),
         ("name: [a\n", 2, "mine.yaml:2:1: (document): expected YAML, got malformed text"),
         ("name: b\nprice_usd: 3\n", 2, "mine.yaml:2:12: price_usd: expected ..., got "),
         (

@@ -305,7 +305,7 @@ def test_a_key_of_other_voxels_or_another_kernel_is_an_error() -> None:
     layer(x)
     coarse = SparseConv3d(4, 4, "b").double()(x)
     with pytest.raises(
-        ValueError, match="key a: expected the voxels of its first layer, got others"
+        ValueError, match="key a: expected the voxels of the first layer with this key"
     ):
         layer(coarse)
     with pytest.raises(ValueError, match="rulebook: expected 5 offsets, got 27"):

@@ -197,7 +197,7 @@ def test_crossings_of_a_network_are_listed(tmp_path: Path) -> None:
 def test_a_broken_list_is_named_when_drawn(tmp_path: Path, text: str) -> None:
     (tmp_path / "map.yaml").write_text(text)
     with pytest.raises(
-        MapError, match=r"map\.yaml: features: expected a list with x_m and y_m for each kind"
+        MapError, match=r"map\.yaml: features: expected for each kind a list of x_m and y_m"
     ):
         read_features(tmp_path)
 

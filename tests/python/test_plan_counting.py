@@ -57,7 +57,7 @@ def test_a_site_on_whose_roads_no_line_can_be_drawn_is_told_apart() -> None:
 
 
 def test_a_share_that_is_none_is_refused() -> None:
-    with pytest.raises(pi.Error, match=r"count: expected above 0 to 1, got 95"):
+    with pytest.raises(pi.Error, match=r"count: expected more than 0, at most 1, got 95"):
         pi.plan("crossroad", 9000, count=95)
 
 

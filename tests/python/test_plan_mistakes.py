@@ -34,7 +34,7 @@ COSTS = (configs() / "planner/costs.csv").read_text()
 MISTAKES = {
     # sites
     "unknown site": ("crosroad", "", ["SITE: ", "did you mean 'crossroad'"]),
-    "folder without a site": ("empty", "", ["empty: expected a folder with site.yaml"]),
+    "folder without a site": ("empty", "", ["empty: expected a site folder with site.yaml"]),
     "no traffic": ("still.yaml", "", ["traffic: expected either traffic or trajectories"]),
     "no traffic within the distance": ("small.yaml", "--centre 900 900",
         ["--within: expected vehicles", "the nearest is"]),

@@ -95,7 +95,7 @@ def test_a_batch_is_shared_evenly_and_a_device_is_not_given_by_number(
         distributed.check_batch(4)
     monkeypatch.setenv("WORLD_SIZE", "3")
     with (
-        pytest.raises(ValueError, match="expected cuda with several processes, got cuda:1"),
+        pytest.raises(ValueError, match="expected 'cuda' without a number for several processes"),
         distributed.joined(torch.device("cuda:1")),
     ):
         pass

@@ -596,17 +596,17 @@ def test_recipes_say_how_many_steps_they_learn() -> None:
     ("file", "text", "message"),
     [
         ("quick.csv", "", "quick.csv:1: expected .*, got an empty file"),
-        ("quick.csv", "1,2,3\n4,5,6\n", "quick.csv:1: expected .*, got no column scene"),
+        ("quick.csv", "1,2,3\n4,5,6\n", "quick.csv:1: expected .*; the column scene is missing"),
         (
             "quick_value.csv",
             "scene,lidar\n",
-            "quick_value.csv:1: expected .*, got no column preset",
+            "quick_value.csv:1: expected .*; the column preset is missing",
         ),
         ("quick_distance.csv", "", "quick_distance.csv:1: expected .*, got an empty file"),
         (
             "lidars.csv",
             "lidar\nruby_plus\n",
-            "lidars.csv:1: expected .*, got no column price_source",
+            "lidars.csv:1: expected .*; the column price_source is missing",
         ),
     ],
 )
@@ -637,13 +637,15 @@ def test_experiments_that_all_failed_and_prices_without_a_preset_are_reported(
     prices_of_lidars().drop(columns="preset").to_csv(results / "lidars.csv", index=False)
     assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
     assert (
-        "lidars.csv: expected a table of `pyinfra benchmark`, got no column preset"
+        "lidars.csv:1: expected the column preset of a table of `pyinfra benchmark`, got none"
         in capsys.readouterr().err
     )
     (results / "lidars.csv").unlink()
     change(results / "quick.csv", "seed == 1", ap=None)
     assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
-    assert "quick.csv: expected a finished experiment, got none" in capsys.readouterr().err
+    assert (
+        "quick.csv: expected one or more finished experiments, got none" in capsys.readouterr().err
+    )
 
 
 def test_help_says_of_which_vehicles_the_ap_is(capsys: pytest.CaptureFixture[str]) -> None:

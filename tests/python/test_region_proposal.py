@@ -72,7 +72,7 @@ def test_the_outline_holds_the_lanes_and_not_the_bush(
         assert drawn.holds(np.column_stack([x, np.full(len(x), y)])).all()
     assert not drawn.holds(np.array([BUSH])).any()
     assert main.main(["region", str(folder), "--out", str(tmp_path / "outline.csv")]) == 2
-    assert "--out: expected a .yaml file" in capsys.readouterr().err
+    assert "--out: expected a file name that ends in .yaml" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -159,9 +159,12 @@ def test_areas_have_several_outlines_and_holes(name: str, tmp_path: Path) -> Non
         ({"outlines_m": []}, "expected `outline_m` or `outlines_m`, got neither"),
         ({"outlines_m": [ring(0, 1), [[0, 0], [1, 1]]]}, "outlines_m.1: expected 3 or more"),
         ({"outline_m": ring(0, 1), "holes_m": [ring(1, 1)]}, "holes_m.0: expected an outline with"),
-        ({"outline": ring(0, 1)}, "expected outline_m, outlines_m and holes_m, got outline"),
+        (
+            {"outline": ring(0, 1)},
+            "expected the keys outline_m, outlines_m and holes_m, got 'outline'",
+        ),
         (shapely.Point(1, 2), "expected a Polygon or MultiPolygon, got Point"),
-        ([[0, 0], [1, "a"]], "expected an array"),
+        ([[0, 0], [1, "a"]], "corners: expected numbers"),
     ],
 )
 def test_wrong_areas_are_named(area: object, message: str) -> None:
@@ -197,7 +200,7 @@ def test_a_short_recording_gives_a_warning(
     folder, out = tmp_path / "data/pole", tmp_path / "outline.yaml"
     import_recording(tmp_path / "source", "bin", folder, facts, Options(), upright="as-is")
     assert main.main(["region", str(folder), "--out", str(out)]) == 0
-    assert capsys.readouterr().err.startswith("pyinfra: warning: the recording has 10.25 s: lanes")
+    assert capsys.readouterr().err.startswith("pyinfra: warning: the recording has 10.25 s; lanes")
 
 
 def test_a_proposal_from_ten_seconds_is_an_area_for_detect_and_shapely() -> None:

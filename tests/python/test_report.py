@@ -242,7 +242,7 @@ def test_a_wrong_table_is_reported_in_one_line(
         ([], 2, "expected a table of results, got none"),
         (["--tier", "full"], 2, "full.csv: expected the table of a finished tier, got none"),
         (["--data", "nowhere"], 1, "nowhere: The folder has no dataset.yaml"),
-        (["--runs", "nowhere"], 1, "nowhere: expected a folder predictions, got none"),
+        (["--runs", "nowhere"], 1, "nowhere: expected a subfolder predictions, got none"),
     ],
 )
 def test_wrong_arguments_are_reported(

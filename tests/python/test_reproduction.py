@@ -218,5 +218,5 @@ def test_words_replace_constants_of_a_command_and_unknown_ones_are_named() -> No
     words = ["FRAMES='0:2'", "SEEDS=SEEDS[:1]", "--out", "a=b"]
     assert reproduction.without_constants(module, words) == ["--out", "a=b"]  # type: ignore[arg-type]
     assert (module.SEEDS, module.FRAMES) == ((1,), "0:2")
-    with pytest.raises(Error, match="expected a constant of toy, got OTHER"):
+    with pytest.raises(Error, match="expected the name of a constant of toy, got OTHER"):
         reproduction.without_constants(module, ["OTHER=1"])  # type: ignore[arg-type]

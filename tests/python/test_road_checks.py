@@ -18,7 +18,10 @@ CHANGES: dict[str, tuple[Change, str]] = {
     "the first rows": (lambda rows: [rows[0], *rows[9:]], "instead of"),
     "every second row": (lambda rows: [rows[0], *rows[1::2]], "instead of"),
     "a road": (lambda rows: [row for row in rows if not row.startswith("side")], "no road side"),
-    "moved": (lambda rows: [rows[0], *(shifted(row) for row in rows[1:])], "at another place"),
+    "moved": (
+        lambda rows: [rows[0], *(shifted(row) for row in rows[1:])],
+        "at a different position",
+    ),
 }
 
 

@@ -55,7 +55,7 @@ def test_a_sentence_names_the_cases_of_each_verdict(monkeypatch: pytest.MonkeyPa
     text = sentences.by_verdict("gentle", {"holds": "It decreases less"})
     assert text.startswith(
         "It decreases less on the highway and on the curve with the settings of the study. "
-        "This is not decided on the curve with the settings of the data sheets."
+        "The difference is not significant on the curve with the settings of the data sheets."
     )
     rows.loc[rows["judge"] == "fine-tuned", "verdict"] = "fails above"
     with pytest.raises(Error, match=r"gentle: expected a sentence .*fails above"):
@@ -68,8 +68,8 @@ def test_verdicts_of_both_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     rows.loc[both, "verdict"] = "depends on the detector"
     monkeypatch.setattr(sentences, "results", lambda _: rows)
     assert sentences.of_both("gentle").endswith(
-        "in one of two cases: `depends on the detector` on the curve with the settings of the "
-        "study."
+        "in one of two cases. The verdict of both detectors is `depends on the detector` on the "
+        "curve with the settings of the study."
     )
 
 
@@ -86,3 +86,14 @@ def test_spans_and_limits_are_rounded() -> None:
     assert sentences.span([1.6, 2.4, 3.4]) == "2 to 3"
     assert sentences.span([1.96, 2.04], 1) == "2.0"
     assert sentences.within([Interval(0.1, -1.21, 0.4), Interval(0, -1, 1)]) == "1.3"
+
+
+def test_cases_in_a_sentence_with_not_are_joined_by_or() -> None:
+    scenes = ("highway", "curve", "crossroad")
+    keys = [*((scene, "paper") for scene in scenes), ("highway", "datasheet")]
+    rows = pd.DataFrame(index=pd.MultiIndex.from_tuples(keys, names=["scene", "preset"]))
+    assert sentences.where(rows, "or") == (
+        "in any of the three scenes with the settings of the study, or on the highway with the "
+        "settings of the data sheets"
+    )
+    assert sentences.where(rows[1:], "or").startswith("on the curve or at the crossroad with")

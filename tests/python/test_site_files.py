@@ -135,7 +135,7 @@ def test_outlines_that_were_not_copied_are_named(tmp_path: Path, infrasim: Infra
     ("text", "error"),
     [
         ("region,x\n", ":1: expected 'region,x,y', got 'region,x'"),
-        ("region,x,y\n", ":1: expected a region, got none"),
+        ("region,x,y\n", ":1: expected one or more rows with a region, got none"),
         ("region,x,y\na,0,0\na,1,1\n", "region a: expected 3 or more corners, got 2"),
         ("region,x,y\na,0,0\na,1,nan\na,1,0\n", ":3: y: expected ..., got nan"),
         ("region,x,y\na,0,0\na,1,b\na,1,0\n", ":3: y: expected ..., got 'b'"),

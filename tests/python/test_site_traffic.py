@@ -234,7 +234,9 @@ def test_the_traffic_of_other_arguments_is_not_taken(tmp_path: Path) -> None:
     scene = pi.import_map(map_file, tmp_path / "site", **arguments)
     traffic = (scene.parent / NAME).read_bytes()
     assert pi.import_map(map_file, tmp_path / "site", **arguments) == scene
-    with pytest.raises(pi.Error, match=r"seed: expected 2 as for the trajectories of .*, got 3"):
+    with pytest.raises(
+        pi.Error, match=r"seed: expected 2, as for the existing trajectories of .*, got 3"
+    ):
         pi.import_map(map_file, tmp_path / "site", **(arguments | {"seed": 3}))
     pi.import_map(map_file, tmp_path / "site", vehicles_per_hour=0)
     (scene.parent / "traffic.yaml").unlink()  # the trajectories are recorded

@@ -268,7 +268,7 @@ BROKEN = {
     "no rows": (data.HEADER, "expected a row, got none"),
     "no column": (
         "t,id,class,x,y\n0,1,Car,1,1\n",
-        "expected a column 'heading', got the columns t, id, class, x, y; --columns can map",
+        "expected a column 'heading', got the columns t, id, class, x, y; --columns maps",
     ),
     "cut line": (data.HEADER + GOOD[:-20], ":82: expected 10 columns, got 7"),
     "not finite": (data.HEADER + GOOD.replace("0.1000,a,Car,1.0000", "0.1000,a,Car,nan"), ":3: x"),
@@ -310,7 +310,7 @@ BROKEN = {
 BROKEN_XML = {
     "cut": (FCD[:900], "got broken XML"),
     "other": ("<routes/>", "expected <fcd-export>"),
-    "nobody": ("<fcd-export/>", "expected vehicles or people, got none"),
+    "nobody": ("<fcd-export/>", "expected one or more vehicles or people, got none"),
     "type": (data.fcd(data.drive(), "tram"), "got type 'tram'"),
     "time": (FCD.replace('"0.20"', '"0.05"'), "expected ascending times"),
     "clock": (FCD.replace('"0.20"', '"nan"'), "expected a time in seconds"),

@@ -37,7 +37,7 @@ def test_few_seconds_are_a_warning(
     words = ["detect", str(lidar), "--model", "generalist", "--max-frames", "4"]
     assert main.main([*words, "--drop-standing", "--out", str(tmp_path / "detected")]) == 0
     printed = capsys.readouterr()
-    assert "boxes removed, because they are where nothing moves" in printed.out
+    assert "boxes removed, because nothing ever moves at their positions" in printed.out
     assert "is not split" not in printed.err  # the detector has learnt from none of these frames
     assert (
         "warning: --drop-standing: expected frames that span 60 s or more, got 14.8" in printed.err
@@ -96,7 +96,7 @@ def test_clouds_alone_say_nothing_of_what_stands(
     cloud = kitti.frame_file(lidar, "velodyne", 0)
     assert main.main(["detect", "run", str(cloud), "--drop-standing"]) != 0
     assert (
-        "--drop-standing: expected the folder of a LiDAR, got clouds alone"
+        "--drop-standing: expected a LiDAR's folder as DATA, got files of point clouds"
         in capsys.readouterr().err
     )
 

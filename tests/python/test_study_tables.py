@@ -75,7 +75,7 @@ def test_a_rung_has_the_largest_change_relative_to_another_lidar(
     monkeypatch.setattr(rungs, "LIDARS", {"ruby_plus": "128 lines", "livox_avia": "Avia"})
     ((_, *row),) = cells(rungs.rungs())[1:]
     assert row[:2] == ["-20.0 to -10.0", "+0.0 to +0.0"]
-    assert row[2] == "+12.5 [+12.5, +12.5]: 128 lines to Avia, 30 to 60 m"
+    assert row[2] == "+12.5 [+12.5, +12.5]: 128 lines relative to Avia, 30 to 60 m"
     assert cells(rungs.rungs_by_lidar())[1][:2] == ["Avia", "-20.0 [-20.0, -20.0]"]
 
 
@@ -270,7 +270,7 @@ def integration_rows() -> pd.DataFrame:
 def test_stacked_frames_are_compared_with_single_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(integration, "results", lambda _: integration_rows())
     heads, row = cells(integration.integration("present"))
-    assert heads[2:] == ["AP, 0.1 s", "change, 0.5 s", "change, 0.5 s, middle labelled"]
+    assert heads[2:] == ["AP, 0.1 s", "change, 0.5 s", "change, 0.5 s, label of the middle frame"]
     assert row[:2] == ["20 km/h", "Avia"]
     assert row[2].startswith("82.0 [")
     assert row[3:] == ["-2.0 [-2.0, -2.0]", "+4.0 [+4.0, +4.0]"]
@@ -279,7 +279,7 @@ def test_stacked_frames_are_compared_with_single_ones(monkeypatch: pytest.Monkey
 def test_the_single_frame_is_known_by_its_number(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(integration, "results", lambda _: integration_rows()[::-1])
     heads, row = cells(integration.integration("present"))
-    assert heads[3:] == ["change, 0.5 s, middle labelled", "change, 0.5 s"]
+    assert heads[3:] == ["change, 0.5 s, label of the middle frame", "change, 0.5 s"]
     assert row[3:] == ["+4.0 [+4.0, +4.0]", "-2.0 [-2.0, -2.0]"]
 
 

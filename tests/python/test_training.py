@@ -290,7 +290,7 @@ def test_a_finished_run_stays_as_it_is(lidar_folder: Path, trained: Path) -> Non
 
 def test_a_run_of_other_steps_does_not_go_on(lidar_folder: Path, trained: Path) -> None:
     before = files_of(trained)
-    with pytest.raises(ConfigError, match="got a checkpoint with other values of steps"):
+    with pytest.raises(ConfigError, match="got a checkpoint with different values of steps"):
         run(lidar_folder, trained, steps=7)
     assert files_of(trained) == before
 
@@ -302,10 +302,22 @@ def files_of(folder: Path) -> dict[Path, bytes]:
 @pytest.mark.parametrize(
     ("part", "change", "message"),
     [
-        ("learning", {"rate": 0.01}, "learning.rate: expected 0.01 to resume, got 0.003"),
-        ("learning", {"batch": 3}, "learning.batch: expected 3 to resume, got 2"),
-        ("augmentation", {"flip": False}, "augmentation.flip: expected False to resume, got True"),
-        ("augmentation", {"pasted": 0}, "augmentation.pasted: expected 0 to resume, got 3"),
+        (
+            "learning",
+            {"rate": 0.01},
+            "learning.rate: expected 0.01 to resume the training, got 0.003",
+        ),
+        ("learning", {"batch": 3}, "learning.batch: expected 3 to resume the training, got 2"),
+        (
+            "augmentation",
+            {"flip": False},
+            "augmentation.flip: expected False to resume the training, got True",
+        ),
+        (
+            "augmentation",
+            {"pasted": 0},
+            "augmentation.pasted: expected 0 to resume the training, got 3",
+        ),
     ],
 )
 def test_a_run_that_learns_otherwise_does_not_go_on(
@@ -390,7 +402,7 @@ def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
         ),
         (
             "detector: dsvt\ntiers: {smoke: {learning: {start: me}}, quick: {}, full: {}}\n",
-            "2: tiers.smoke.learning.start: expected a training's folder, a model file or",
+            "2: tiers.smoke.learning.start: expected the folder of a trained detector",
         ),
     ],
 )
@@ -498,12 +510,13 @@ def test_what_is_no_checkpoint_is_named_and_never_run(tmp_path: Path) -> None:
     for text in (pickle.dumps(Bomb()), b"", b"text", bytes(100)):
         (tmp_path / "bad.safetensors").write_bytes(text)
         with pytest.raises(
-            ConfigError, match=r"bad.safetensors: expected a checkpoint, got something else"
+            ConfigError,
+            match=r"bad.safetensors: expected a checkpoint, got a file that cannot be read",
         ):
             checkpoint.load(tmp_path / "bad.safetensors")
     save_file({}, tmp_path / "bad.safetensors", metadata={"about": "{a: [1"})
     with pytest.raises(
-        ConfigError, match=r"bad.safetensors: expected .*, got a file without a description"
+        ConfigError, match=r"bad.safetensors: expected .*, got weights without `about`"
     ):
         checkpoint.load(tmp_path / "bad.safetensors")
     assert not (tmp_path / "ran").exists()
@@ -520,7 +533,9 @@ def test_no_vehicle_in_the_whole_training_set_is_an_error(tmp_path: Path) -> Non
         kitti.write_frame(folder, frame, road_sample(frame).points, none)
     (folder / "ImageSets").mkdir()
     (folder / "ImageSets/train.txt").write_text("000000\n000001\n")
-    with pytest.raises(ValueError, match="expected a vehicle in the training frames, got none"):
+    with pytest.raises(
+        ValueError, match="expected one or more labelled vehicles in the training frames"
+    ):
         run(folder, tmp_path / "out")
 
 
@@ -597,7 +612,7 @@ def test_background_says_what_it_has_no_use_for(
     unused = "pyinfra: note: background does not use --seed, --step-factor\n"
     anywhere = (
         f"pyinfra: note: background: {lidar_folder.name}: no roads.csv and no --region: "
-        "every moving object counts as a vehicle\n"
+        "every moving object is taken for a vehicle\n"
     )
     assert capsys.readouterr().err == unused + anywhere
     assert main.main(words) == 0
@@ -607,7 +622,8 @@ def test_background_says_what_it_has_no_use_for(
 def test_a_folder_holds_one_kind_of_model(lidar_folder: Path, tmp_path: Path) -> None:
     (tmp_path / "background.npz").touch()
     with pytest.raises(
-        FileExistsError, match=r"expected no model of another detector, got .*background.npz"
+        FileExistsError,
+        match=r"expected a folder without a model of a different detector, got .*background.npz",
     ):
         run(lidar_folder, tmp_path)
 
@@ -708,7 +724,7 @@ def test_results_of_other_frames_and_labels_in_their_place_are_reported(
     assert "--out: expected a folder other than that of the labels" in capsys.readouterr().err
     assert main.main([*words, str(tmp_path), "--max-frames", "1"]) == 0
     error = capsys.readouterr().err
-    assert "no box in any frame: are the sensor's height, its frame" in error
+    assert "no box in any frame; check the sensor's height, its frame" in error
     assert "files of other frames" not in error
     (tmp_path / "000099.txt").touch()
     assert main.main([*words, str(tmp_path)]) == 0
@@ -753,7 +769,9 @@ def test_a_training_begins_with_the_weights_of_another(
         if "running" not in name and "num_batches" not in name:
             torch.testing.assert_close(loaded.weights()[name], weights, atol=1e-5, rtol=1e-4)
     other = read_recipe(ROOT / "configs/detectors/pointpillars.yaml", "smoke")
-    with pytest.raises(ConfigError, match="expected weights of this network, got other weights"):
+    with pytest.raises(
+        ConfigError, match="expected weights of this network, got weights that do not fit"
+    ):
         train.train(other.begun_with(trained), [source], tmp_path / "other", quiet=True)
 
 
@@ -778,9 +796,7 @@ def test_a_recipe_without_steps_takes_a_network_as_it_comes(
     assert file.read_bytes() == (trained / "last.safetensors").read_bytes()
     assert train.train(still, [source], tmp_path / "as_is", quiet=True) == file  # trains once more
     other = still.begun_with(Path("generalist"))
-    with pytest.raises(
-        FileExistsError, match=r"expected no model of another network, got last\.safetensors"
-    ):
+    with pytest.raises(FileExistsError, match=r"got a last\.safetensors of a different network"):
         train.train(other, [source], tmp_path / "as_is", quiet=True)
     assert file.read_bytes() == (trained / "last.safetensors").read_bytes()
     with pytest.raises(FileNotFoundError, match="and no model of the package"):
@@ -848,7 +864,7 @@ def test_another_lidar_or_preset_is_a_warning_unless_it_is_meant(
     [
         (["--tier", "huge"], "got 'huge'"),
         (["--seed", "-1"], "--seed: expected 0 or more, got -1"),
-        (["--step-factor", "0"], "--step-factor: expected above 0 to 100, got 0"),
+        (["--step-factor", "0"], "--step-factor: expected more than 0, at most 100, got 0"),
         (["--device", "tpu"], "--device: expected cpu, .*, got 'tpu'"),
         (["--device", "cuda:99"], "--device: expected cpu, .*, got 'cuda:99'"),
         (["--precision", "float16"], "got 'float16'"),

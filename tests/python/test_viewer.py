@@ -281,12 +281,12 @@ def test_a_run_of_the_simulator_has_time_and_objects(
 @pytest.mark.parametrize(
     ("words", "error"),
     [
-        ("--frames 5:9", "expected 0 to 1, got no frame of 5:9"),
-        ("--frame 5", "expected 0 to 1, got no frame of 5"),
+        ("--frames 5:9", "frames: expected 0 to 1, got 5:9"),
+        ("--frame 5", "frames: expected 0 to 1, got 5"),
         ("--frames 0-4", "--frames: expected A:B or A:B:STEP, got '0-4'"),
         ("--frames 0:4:0", "--frames: expected A:B or A:B:STEP, got '0:4:0'"),
         ("--lidar three", "--lidar: expected one of one, two; got 'three'"),
-        ("--pred there", "--pred: expected LIDAR=DIR with LIDAR one, two, got 'there'"),
+        ("--pred there", "--pred: expected LIDAR=DIR with LIDAR one of one, two; got 'there'"),
         ("--pred one=there one=here", "--pred: expected .*, got a second for one: 'one=here'"),
         ("--pred three=there", "--pred: expected LIDAR=DIR .*, got 'three=there'"),
         ("DATA/one", "expected each LiDAR once, got DATA/one, DATA/two, DATA/one"),

@@ -127,7 +127,7 @@ def check_data_set(folder: Path, plan: Plan) -> None:
         ):
             raise ConfigError(
                 f"{lidar}: expected the frames {plan.frames} and the split of this benchmark, got "
-                f"{len(present)} frames of another benchmark or tier; choose another `work`"
+                f"{len(present)} frames of a different benchmark or tier; choose a different `work`"
             )
 
 

@@ -152,8 +152,8 @@ def check_frames(hits: Path, wanted: pd.DataFrame) -> None:
         row = other.iloc[0]
         raise ConfigError(
             f"{hits}: {row.scene} {row.preset} {row.lidar}: expected rows of this benchmark, got "
-            "rows of another scene, LiDAR, number or range of frames, or split with these names; "
-            "choose another `out`"
+            "rows of a different scene, LiDAR, range of frames or split with these names; "
+            "choose a different `out`"
         )
 
 
@@ -171,8 +171,8 @@ def check_lidars(hits: Path, plan: Plan, folder_of: Callable[[str], Path]) -> No
         if known and known != now:
             raise ConfigError(
                 f"{hits}: {scene} {preset}: expected rows of the LiDARs {', '.join(sorted(now))}, "
-                f"got rows measured with {', '.join(sorted(known))}; choose another `out`. "
-                "Trainings in the folder `work` are used again"
+                f"got rows measured with {', '.join(sorted(known))}; choose a different `out`. The "
+                "trained detectors in `work` are used again"
             )
 
 

@@ -53,7 +53,8 @@ def config_file(kind: str, benchmark: Path, word: str) -> Path:
         )
     if not path.is_file():
         known = [p.stem for p in folder.glob("*.yaml")]
-        raise Error(f"expected a file or a name, got '{word}'{suggestion(word, known)}")
+        near = suggestion(word, known)
+        raise Error(f"expected a .yaml file or one of the package's {kind}, got '{word}'{near}")
     return path
 
 

@@ -92,8 +92,8 @@ def check_experiments(experiments: Path, plan: Plan, progress: Progress = silent
         more = f" and {len(old) - SHOWN} more" if len(old) > SHOWN else ""
         raise ConfigError(
             f"{experiments}: {', '.join(names)}{more}: expected rows of this benchmark, got rows "
-            "of another recipe or other frames with these names; remove these rows or choose "
-            "another `out`"
+            "of a different recipe or of different frames with these names; remove these rows or "
+            "choose a different `out`"
         )
     unknown = int(table.ap.notna().sum() - knows(table).sum()) if len(table) else 0
     if unknown:
@@ -113,8 +113,8 @@ def claim_run(run: Path, inputs: Mapping[str, str]) -> None:
     begun = (run / "last.safetensors").exists() and file.exists()
     if begun and file.read_text(encoding="utf-8") != text:
         raise ConfigError(
-            f"{run}: expected a training of this recipe and these frames, got another; remove the "
-            "folder or choose another `work`"
+            f"{run}: expected a detector trained with this recipe on these frames, got a different "
+            "recipe or different frames; remove the folder or choose a different `work`"
         )
     run.mkdir(parents=True, exist_ok=True)
     with replacing(file) as beside:

@@ -86,7 +86,7 @@ def check_costs(workspace: Workspace, plan: Plan) -> None:
         if other:
             raise ConfigError(
                 f"{workspace.table('value')}: site_usd: expected {allowed:g} as in this "
-                f"benchmark, got {other[0]:g}; choose another `out`"
+                f"benchmark, got {other[0]:g}; choose a different `out`"
             )
 
 

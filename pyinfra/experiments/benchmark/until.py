@@ -52,12 +52,14 @@ def benchmark_until(
 
     Raises Error if the benchmark has several seeds or recorded traffic, or if an experiment failed.
     """
-    if len({experiment.seed for experiment in plan.experiments}) != 1:
+    seeds = sorted({experiment.seed for experiment in plan.experiments})
+    if len(seeds) != 1:
         raise Error(
-            "seeds: expected one seed, because each replicate has its own seed, got several"
+            "seeds: expected one seed, because each replicate has its own seed, got "
+            f"{', '.join(map(str, seeds))}"
         )
     if not half_width_ap > 0:
-        raise Error(f"until: expected a half-width above 0 AP, got {half_width_ap:g}")
+        raise Error(f"until: expected a half-width above 0 (in AP), got {half_width_ap:g}")
     for name in dict.fromkeys(experiment.scene for experiment in plan.experiments):
         file = plan.files["scenes", name]
         if not yaml.safe_load(inputs.resolved(file)).get("traffic"):
@@ -121,7 +123,7 @@ def comparison_table(replicates: Sequence[pd.DataFrame]) -> pd.DataFrame:
         aps = part.pivot(index="replicate", columns="option", values="ap_whole_r1000")
         best = aps.iloc[0].sort_values(ascending=False, kind="stable").index[:2]
         if len(best) < 2:
-            raise Error(f"{scene} {preset}: expected two options to compare, got only {best[0]}")
+            raise Error(f"{scene} {preset}: expected two or more options to compare, got {best[0]}")
         mean = over_replicates((aps[best[0]] - aps[best[1]])[1:].to_list(), LEVEL_OF_LOOK)
         rows.append(
             {

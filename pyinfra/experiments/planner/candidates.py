@@ -89,7 +89,7 @@ def make_candidates(site: PlanSite, within_m: float, grid: PoseGrid) -> pd.DataF
         raise Error(
             f"within_m: expected a kerb, median or wall within {within_m:g} m of "
             f"({site.centre[0]:.0f}, {site.centre[1]:.0f}), got none{nearest}; set `poses` to a "
-            "file"
+            "file with poses"
         )
     return turned(pd.DataFrame(rows), site, grid)
 
@@ -104,7 +104,9 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
     table = read_csv(file, WORDS, POSE[:2])
     check_columns(file, table, COLUMNS, [*POSE, *ARM, "existing"])
     if "height_m" in table and "z_m" not in table:
-        raise FormatError(f"{file}:1: expected z_m in the world frame, got height_m alone")
+        raise FormatError(
+            f"{file}:1: expected the column z_m (world frame), got the column height_m"
+        )
     if table.empty:
         raise FormatError(f"{file}: expected one pose or more, got none")
     for name in [name for name in (*POSE, *ARM) if name in table]:
@@ -117,7 +119,7 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
     twice = rows.index[rows.duplicated(["x_m", "y_m"])]
     if len(twice):
         raise FormatError(
-            f"{file}:{twice[0] + 2}: existing: expected one value for a position, got two"
+            f"{file}:{twice[0] + 2}: existing: expected one value for each position, got yes and no"
         )
     poses = on_arms(table.assign(kind="file", existing=table.existing == "yes"), file)
     if "z_m" not in poses:
@@ -199,13 +201,13 @@ def feasible(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:
     if free.empty:
         reasons = poses.fault.value_counts()
         pose = poses.iloc[0]
-        near = "nothing is free near it"
+        near = "no pose near it is possible"
         if place := nearest_free(site, pose[POSE].to_numpy(float)):
-            near = f"free is ({place[0]:.1f}, {place[1]:.1f}) at z_m {place[2]:.1f}"
+            near = f"({place[0]:.1f}, {place[1]:.1f}) at z_m {place[2]:.1f} is possible"
         raise Error(
-            f"poses: expected a pose that is free, got {len(poses)} that are not; "
-            f"{reasons.iloc[0]} of them: {reasons.index[0]}; instead of ({pose.x_m:g}, "
-            f"{pose.y_m:g}), {near}"
+            f"poses: expected one or more possible poses, got {len(poses)} poses that are not "
+            f"possible; the reason for {reasons.iloc[0]} of them is {reasons.index[0]}; instead of "
+            f"({pose.x_m:g}, {pose.y_m:g}), {near}"
         )
     return free
 

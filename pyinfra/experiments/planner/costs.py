@@ -73,8 +73,9 @@ def open_lidars(names: Sequence[StrPath], site: PlanSite) -> list[PlanLidar]:
     """Opens LiDARs by name or file; without names, all of the catalogue that have the preset."""
     world = simulation.load_scene(site.file, preset=site.preset, mount=site.mount)
     lidars = [_open(file, site.preset, world) for file in _files(names, site.preset)]
-    if len({lidar.name for lidar in lidars}) < len(lidars):
-        raise Error("lidars: expected each LiDAR once, got one twice")
+    every = [lidar.name for lidar in lidars]
+    if twice := [name for name in every if every.count(name) > 1]:
+        raise Error(f"lidars: expected each LiDAR once, got {twice[0]} twice")
     return lidars
 
 
@@ -84,7 +85,7 @@ def common_period_s(names: Sequence[StrPath], preset: str) -> float:
     for unit in units:
         if unit.period_s != units[0].period_s:
             raise Error(
-                f"lidars: expected one frame period in a plan, got {units[0].name} with "
+                f"lidars: expected the same frame period for all LiDARs, got {units[0].name} with "
                 f"{units[0].period_s:g} s and {unit.name} with {unit.period_s:g} s"
             )
     return units[0].period_s if units else PERIOD_S
@@ -103,8 +104,8 @@ def _open(file: Path, preset: str, world: simulation.World) -> PlanLidar:
     price = Range(*described.price_usd)
     if not (math.isfinite(price.middle) and price.low > 0):
         raise Error(
-            f"lidars: expected a price, got none for {unit.name}; "
-            f"`price_usd: {{low: 2000, high: 3000}}` in {file.name} sets it"
+            f"lidars: expected a price of {unit.name}, got none; set it in {file.name}, such as "
+            "`price_usd: {low: 2000, high: 3000}`"
         )
     views = [unit.azimuth[1] - unit.azimuth[0] for unit in described.field_of_view]
     around = min(360.0, sum(math.degrees(view) for view in views)) >= ALL_AROUND_DEG

@@ -88,7 +88,12 @@ def read_detectability(detector: str, file: Path = FILE) -> Detectability:
 def law_of(plain: dict[str, list[list[float]]], detector: str) -> Law:
     detection, false = np.array(plain["detection"]), np.array(plain["false"])
     if detection.shape[1:] != (len(OBJECT_TERMS),) or false.shape[1:] != (len(FALSE_TERMS),):
-        raise Error(f"detector: expected coefficients of this version, got others for {detector}")
+        terms = len(OBJECT_TERMS), len(FALSE_TERMS)
+        got = detection.shape[1:], false.shape[1:]
+        raise Error(
+            f"detector: {detector}: expected {terms[0]} and {terms[1]} coefficients of "
+            f"detectability as in this version, got arrays of shapes {got[0]} and {got[1]}"
+        )
     return Law(detection, false)
 
 

@@ -100,8 +100,8 @@ def check_site(site: PlanSite, request: Request, check_frames: int, *, drawn: bo
     all_used = len(site.other_frames(check_frames)) >= site.every_frame
     if request.detector == "background" and check_frames and all_used:
         raise Error(
-            f"check_frames: expected below {site.every_frame}, because the detector learns from "
-            f"the other frames of the scene, got {check_frames}"
+            f"check_frames: expected less than {site.every_frame}, because the detector learns "
+            f"from the other frames of the scene, got {check_frames}"
         )
 
 

@@ -118,12 +118,12 @@ def check_request(request: Request, effort: Effort, law: Detectability) -> None:
         (effort.jobs == 0, "jobs: expected 1 or more, or -1 for all cores, got 0"),
         (
             count is not None and not 0 < count <= 1,
-            f"count: expected above 0 to 1, got {count or 0:g}",
+            f"count: expected more than 0, at most 1, got {count or 0:g}",
         ),
         (
             people > 0 and law.people is None,
             f"people: expected 0 for the detector {law.detector}, which detects no pedestrians, "
-            f"got {people:g}; generalist detects them",
+            f"got {people:g}; the detector generalist detects them",
         ),
     )
     for is_fault, text in faults:
@@ -206,7 +206,7 @@ def read_areas(file: Path) -> tuple[Area, ...]:
     table = read_csv(file, {"name", "class"}, AREA_COLUMNS)
     check_columns(file, table, [*AREA_COLUMNS, "class", "weight"])
     if table.empty:
-        raise FormatError(f"{file}: expected one area or more, got none")
+        raise FormatError(f"{file}: expected one or more areas, got none")
     if "weight" not in table:
         table["weight"] = 1.0
     if "class" not in table:
@@ -216,7 +216,7 @@ def read_areas(file: Path) -> tuple[Area, ...]:
     expect(file, name, name.notna(), "a name")
     taken = {f"{stem}{end}" for stem in ("", *(name + "_")) for end in ENDS}
     free = ~name.isin(taken) & ~name.str.startswith("within_")
-    expect(file, name, free, "a name of which no other column of options.csv is made")
+    expect(file, name, free, "a name that does not collide with another column of options.csv")
     for axis in ("x_m", "y_m"):
         expect(file, table[axis], np.isfinite(table[axis]), "a number")
     expect(file, table.radius_m, table.radius_m.between(0.1, 1e4), "0.1 to 10000")
@@ -253,7 +253,9 @@ def crossings_of(folder: Path, weight: float) -> tuple[Area, ...]:
             for one in (record.get("features") or {}).get("crossing", ())
         )
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
-        raise FormatError(f"{file}: features: expected lists with x_m and y_m by kind") from error
+        raise FormatError(
+            f"{file}: features: expected for each kind a list of x_m and y_m, got {error!r}"
+        ) from error
 
 
 def of_name(areas: tuple[Area, ...], name: str, objects: pd.DataFrame) -> BoolArray:

@@ -207,7 +207,9 @@ def detector_for(frames: SimulatedFrames, detector: str) -> TrainedDetector | Ba
         return load_detector(detector, threads=frames.threads)
     every = [k for k in frames.known if k not in set(frames.numbers)]
     if not every:
-        raise Error("detector: expected frames to learn the background from, got none")
+        raise Error(
+            "detector: expected frames without evaluation to learn the background from, got none"
+        )
     learning = every[:: max(1, len(every) // LEARNING_FRAMES)][:LEARNING_FRAMES]
     clouds = [frame.points for frame in frames.of(learning)]
     return Background.learn(clouds, DEFAULT, frames.region, frames.ground)

@@ -41,14 +41,14 @@ def keep_request(folder: Path, setting: Setting, poses: pd.DataFrame) -> None:
             )
         before = read_keys(file)
         changed = [
-            f"{name} {before.get(name)}, now {value}"
+            f"{name} was {before.get(name)}, is now {value}"
             for name, value in asked.items()
             if before.get(name) != value
         ]
         if changed:
             raise Error(
-                f"out: expected a new folder or that of the same plan, got {folder} with another "
-                f"({'; '.join(changed[:3])})"
+                f"out: expected a new folder or the folder of the same plan, got {folder} with a "
+                f"different plan ({'; '.join(changed[:3])})"
             )
     folder.mkdir(parents=True, exist_ok=True)
     write(file, yaml.safe_dump(asked, sort_keys=False))

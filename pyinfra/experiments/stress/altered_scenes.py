@@ -98,7 +98,7 @@ def read_base(folder: Path, most: int) -> Base:
         with suppress(Error):
             frames = split.by_time(frames, period_of(folder)).val
     if not frames:
-        raise Error(f"{folder}: expected a test frame, got none")
+        raise Error(f"{folder}: expected one or more frames of the split val, got none")
     description = folder.parent / "dataset.yaml"
     scene = _scene(kitti.read_written_keys(description), folder) if description.is_file() else {}
     step = math.ceil(len(frames) / most)

@@ -67,7 +67,9 @@ def text(file: Path, turns_deg: Sequence[float] = ()) -> str:
     config = read(file)
     units = units_of(config)
     if not units:
-        raise FormatError(f"{file}: expected a pattern to simulate again, got none")
+        raise FormatError(
+            f"{file}: expected the key pattern, without which no frame can be simulated, got none"
+        )
     if turns_deg:
         units = [turned(unit, turns_deg[i % len(turns_deg)]) for i, unit in enumerate(units)]
     total = config["price_total_usd"] | {"source": "the bundle", "date": "its own"}

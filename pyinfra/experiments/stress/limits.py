@@ -33,13 +33,14 @@ def scene(base: Base) -> str:
             return f"{problem}, because a run does not copy the files of this key"
     recorded = base.trajectories
     if recorded is not None and not recorded.is_file():
-        return f"{recorded}: expected this file for another simulation, got no such file"
+        return f"{recorded}: expected this file, to simulate the scene again, got no such file"
     from pyinfra.dataset.simulation import frames_version
 
     number = number_at(base.folder) or "none"
     if number != str(frames_version()):
         problem = f"{folder / 'dataset.yaml'}: frames_version: {ONLY_CLOUDS}"
-        return f"{problem}, because changed scenes have frames {frames_version()}, got {number}"
+        now = frames_version()
+        return f"{problem}, because changed scenes would have frames_version {now}, got {number}"
     return ""
 
 
@@ -47,7 +48,7 @@ def rays(base: Base) -> str:
     """Requires the scan pattern of the LiDAR, with its table files."""
     file = base.lidar_file
     if not file.is_file():
-        return f"{file}: expected this file for another simulation, got no such file"
+        return f"{file}: expected this file, to simulate the LiDAR again, got no such file"
     config = lidar.read(file)
     if not lidar.units_of(config):
         return f"{file}: {ONLY_CLOUDS}, because a recording has no pattern"
@@ -78,7 +79,7 @@ def traffic(base: Base) -> str:
 def several_mounts(base: Base) -> str:
     """Requires fused frames of several mounts."""
     if not base.is_fused:
-        return f"{base.folder.parent}: expected fused frames, got frames of one mount"
+        return f"{base.folder.parent}: expected fused frames of two mounts or more, got one mount"
     return ""
 
 
@@ -112,6 +113,6 @@ def catalogue(base: Base) -> str:
     key = lidar.difference(lidar.read(file), yaml.safe_load(text))
     if key:
         return (
-            f"{file}: {key}: expected a LiDAR of the catalogue, got another value than in {shipped}"
+            f"{file}: {key}: expected the value of the catalogue, in {shipped}, got a different one"
         )
     return ""

@@ -97,7 +97,7 @@ def stress(
     several = models if isinstance(models, (list, tuple)) else [models]
     paths = [_folder(model) for model in several]
     if not paths:
-        raise Error("models: expected one or more, got none")
+        raise Error("models: expected one or more models, got none")
     out, progress = path_of(work, "work"), progress or show_line
     words = None if severities is None else [str(severity) for severity in severities]
     names = list(STRESSORS) if stressors is None else list(stressors)
@@ -115,7 +115,7 @@ def stress(
     if failed:
         first, error = next(iter(failed.items()))
         text = (
-            f"{len(failed)} of {len(plan.every)} trials failed, the first is {first.title}: {error}"
+            f"{len(failed)} of {len(plan.every)} trials failed; the first is {first.title}: {error}"
         )
         warnings.warn(f"{text}; call the function again to repeat them", stacklevel=CALLER)
     trials.write_summary(out)

@@ -206,11 +206,11 @@ def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Se
     """
     unknown = [name for name in names if name not in STRESSORS]
     if unknown:
-        raise Error(f"stressors: expected some of {', '.join(STRESSORS)}; got '{unknown[0]}'")
+        raise Error(f"stressors: expected names of {', '.join(STRESSORS)}; got '{unknown[0]}'")
     selected = [STRESSORS[name] for name in dict.fromkeys(names)]
     if words is None:
         return {stressor: stressor.severities[1:] for stressor in selected}
     if len(selected) != 1 or selected[0].acts_on == "training":
-        text = "severities: expected one stressor of clouds or scenes, got "
+        text = "severities: expected one stressor, which acts on clouds or scenes, got "
         raise Error(text + (", ".join(stressor.name for stressor in selected) or "none"))
     return {selected[0]: selected[0].parse(words)}

@@ -93,7 +93,10 @@ def read_run(folder: Path, base: Base) -> TrainedRun:
         return TrainedRun(folder, "background", -1, -1)
     provenance = read_provenance(model_file(folder))
     if not provenance.anywhere and not is_among(base.lidar.name, provenance.lidar):
-        raise Error(f"{folder}: lidar: expected {base.lidar.name}, got {provenance.lidar}")
+        raise Error(
+            f"{folder}: lidar: expected a model trained on {base.lidar.name}, got a model trained "
+            f"on {provenance.lidar}"
+        )
     description = folder / "run.yaml"
     keys = kitti.read_keys(description) if description.is_file() else {}
     return TrainedRun(folder, provenance.detector, int(keys.get("frames", -1)), provenance.seed)
@@ -117,7 +120,10 @@ def plan(
     known: set[tuple[str, str, Severity]] = set()
     for _, run, name, severity in trained:
         if (run.detector, name, severity) in known:
-            raise Error(f"{run.folder}: expected one run of each {name}, got two of {severity}")
+            raise Error(
+                f"{run.folder}: expected one run for each value of {name}, got two runs with "
+                f"{severity}"
+            )
         known.add((run.detector, name, severity))
     for stressor, severities in stressors.items():
         defaults = {UNSTRESSED, base.lidar.name, base.lidar.preset, base.scene_name}
@@ -211,7 +217,10 @@ def read(file: Path) -> pd.DataFrame:
         table["inputs"] = None
     missing = [name for name in COLUMNS if name not in table and "fine" not in name]
     if missing:
-        raise Error(f"{file}:1: expected a table of stress, got no column {missing[0]}")
+        raise Error(
+            f"{file}:1: expected the columns of a table of `pyinfra stress`; the column "
+            f"{missing[0]} is missing"
+        )
     return table.fillna({"unit": ""})
 
 
@@ -258,7 +267,8 @@ def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterat
         elif not rows.inputs.isin([inputs_of(trial, base)]).all() and rows.inputs.notna().all():
             raise Error(
                 f"{file}: {' '.join(key.values())}: expected a row of this model, these frames and "
-                "this data set, got a row of other inputs with these names; choose another `out`"
+                "this data set, got a row of different inputs with these names; choose a different "
+                "`out`"
             )
 
 

@@ -112,7 +112,8 @@ def read_calibration(file: Path) -> Calibration:
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
     if off > _NOT_A_ROTATION or np.linalg.det(rotation) < 0:
         raise FormatError(
-            f"{file}: R0_rect Tr_velo_to_cam: expected rotation matrices, got something else"
+            f"{file}: R0_rect Tr_velo_to_cam: expected rotation matrices, got a matrix that is "
+            "no rotation"
         )
     return out
 
@@ -163,10 +164,11 @@ def _matrix(where: str, name: str, text: str) -> FloatArray:
     try:
         values = np.array(text.split(), dtype=np.float64)
     except ValueError:
-        raise FormatError(f"{where}: {name}: expected numbers, got a word") from None
+        raise FormatError(f"{where}: {name}: expected numbers, got '{text.strip()[:40]}'") from None
     if values.size != math.prod(shape) or not (np.abs(values) <= _MOST).all():
         count = math.prod(shape)
-        got = "other values" if values.size == count else f"{values.size} numbers"
+        worst = values[~(np.abs(values) <= _MOST)]
+        got = f"{worst[0]:g}" if values.size == count else f"{values.size} numbers"
         raise FormatError(
             f"{where}: {name}: expected {count} finite numbers up to {_MOST:g}, got {got}"
         )

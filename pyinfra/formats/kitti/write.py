@@ -35,8 +35,12 @@ def write_points(file: Path, points: Points) -> None:
     """
     if points.dtype != np.float32 or points.ndim != 2 or points.shape[1] != 4:
         raise Error(f"points: expected (n, 4) float32, got {points.shape} {points.dtype}")
-    if not (np.abs(points) <= FARTHEST_M).all():
-        raise Error("points: expected finite values within 10 km, got other values")
+    near = (np.abs(points) <= FARTHEST_M).all(axis=1)
+    if not near.all():
+        row = int(near.argmin())
+        raise Error(
+            f"points: row {row}: expected finite values within 10 km, got {points[row].tolist()}"
+        )
     write(file, np.ascontiguousarray(points, dtype="<f4").tobytes())
 
 
@@ -61,12 +65,12 @@ def write_objects(file: Path, objects: Objects) -> None:
     values = [o.boxes, o.speed, o.points, o.points_in_box, o.distance, o.visibility]
     values += [pose, o.scan_time_s, o.points_in_scan_box]
     if not rules_hold(np.column_stack([o.ids, *values]), OBJECT_NUMBERS, OBJECT_RULES):
-        raise Error("objects: expected values in range, got a value out of range")
-    if pitch is not None and not (np.abs(pitch) <= 2 * np.pi).all():
-        raise Error("objects: expected a pitch from -2 pi to 2 pi, got another value")
-    known = o.ids[o.ids >= 0]
-    if len(np.unique(known)) < len(known):
-        raise Error("objects: expected each id once per frame, got an id twice")
+        raise Error("objects: expected values as in objects/*.csv, got a value out of its range")
+    if pitch is not None and (wrong := ~(np.abs(pitch) <= 2 * np.pi)).any():
+        raise Error(f"objects: expected a pitch from -2 pi to 2 pi, got {pitch[wrong][0]:g}")
+    known, repeats = np.unique(o.ids[o.ids >= 0], return_counts=True)
+    if (repeats > 1).any():
+        raise Error(f"objects: expected each id once per frame, got {known[repeats > 1][0]} twice")
     lines = [",".join(OBJECT_COLUMNS) if pitch is None else PITCHED_HEADER]
     for i in range(len(o)):
         numbers = [f"{v:.4f}" for v in o.boxes[i, :6]]
@@ -149,9 +153,9 @@ def image_columns(camera: FloatArray) -> FloatArray:
 
 def _check(values: FloatArray, boxes: FloatArray) -> None:
     if not np.isfinite(values).all():
-        raise Error("expected finite values, got a value that is not finite")
+        raise Error(f"expected finite values, got {values[~np.isfinite(values)][0]}")
     if (boxes[:, 3:6] <= 0).any():
-        raise Error("boxes: expected sizes above 0, got 0 or less")
+        raise Error(f"boxes: expected sizes above 0, got {boxes[:, 3:6].min():g}")
 
 
 def _replace_lines(file: Path, lines: Iterable[str]) -> None:

@@ -91,7 +91,7 @@ class Config:
     def __post_init__(self) -> None:
         if self.clearance_m >= self.ceiling_m:
             clearance, top = f"{self.clearance_m:g}", f"{self.ceiling_m:g}"
-            raise Error(f"clearance_m: expected below ceiling_m, {top}, got {clearance}")
+            raise Error(f"clearance_m: expected less than ceiling_m ({top}), got {clearance}")
 
 
 DEFAULT = Config()
@@ -191,7 +191,8 @@ class Background:
             background._check()
         except _UNREADABLE as error:
             raise Error(
-                f"{file}: expected a background model, got another kind of file: {error}"
+                f"{file}: expected a background model, got a file that cannot be read as one: "
+                f"{error}"
             ) from error
         return background
 
@@ -208,11 +209,13 @@ class Background:
         }
         for name, (shape, kind) in allowed.items():
             array = getattr(self, name)
-            if array.shape != shape or array.dtype != kind or not np.isfinite(array).all():
+            if array.shape != shape or array.dtype != kind:
                 raise Error(
-                    f"{name}: expected finite values of shape {shape} and type {np.dtype(kind)}, "
-                    f"got an array of shape {array.shape} and type {array.dtype}"
+                    f"{name}: expected an array of shape {shape} and type {np.dtype(kind)}, got "
+                    f"shape {array.shape} and type {array.dtype}"
                 )
+            if not np.isfinite(array).all():
+                raise Error(f"{name}: expected finite values, got NaN or inf")
 
     def _moving(self, cloud: Floats) -> tuple[IntArray, Floats]:
         """Returns the indices of points (k, 3) that are not background.

@@ -18,8 +18,9 @@ class BevConfig:
 
     def __post_init__(self) -> None:
         if not 0 < len(self.layers) == len(self.widths) == len(self.strides):
+            lengths = f"{len(self.layers)}, {len(self.widths)} and {len(self.strides)}"
             raise Error(
-                "layers, widths, strides: expected lists of equal lengths, got different lengths"
+                f"layers, widths, strides: expected lists of equal lengths, got lengths {lengths}"
             )
 
 

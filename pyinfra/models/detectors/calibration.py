@@ -28,7 +28,8 @@ def fit(scores: FloatArray, right: BoolArray) -> tuple[float, float]:
     """
     if right.all() or not right.any():
         raise Error(
-            f"expected true and false positives, got {right.sum()} true of {len(right)} boxes"
+            f"expected true and false positives, got {right.sum()} true positives in "
+            f"{len(right)} boxes"
         )
     logits = logit(scores)
 

@@ -72,7 +72,7 @@ def site_of(boxes: Iterable[FloatArray], regions: Sequence[Region] = ()) -> Site
     """
     all_boxes = np.concatenate([np.empty((0, 7)), *boxes])
     if len(all_boxes) == 0:
-        raise Error("expected a vehicle in the training frames, got none")
+        raise Error("expected one or more labelled vehicles in the training frames, got none")
     cos, sin = np.abs(np.cos(all_boxes[:, 6])), np.abs(np.sin(all_boxes[:, 6]))
     half = (
         np.stack(

@@ -31,7 +31,10 @@ def joined(device: torch.device) -> Iterator[torch.device]:
         yield device
         return
     if ":" in str(device):
-        raise Error(f"device: expected {device.type} with several processes, got {device}")
+        raise Error(
+            f"device: expected '{device.type}' without a number for several processes, got "
+            f"'{device}'"
+        )
     if device.type == "cuda":
         device = torch.device("cuda", int(os.environ["LOCAL_RANK"]))
         torch.cuda.set_device(device)

@@ -67,7 +67,8 @@ class Config:
                 f"width: expected an even multiple of heads ({self.heads}), got {self.width}"
             )
         if not 0 < len(self.windows) == len(self.shifts):
-            raise Error("windows, shifts: expected lists of equal lengths, got different lengths")
+            lengths = f"{len(self.windows)} and {len(self.shifts)}"
+            raise Error(f"windows, shifts: expected lists of equal lengths, got lengths {lengths}")
 
 
 class Embedding(nn.Module):

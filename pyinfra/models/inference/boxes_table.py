@@ -108,7 +108,7 @@ def register_detector(detector: Callable[..., Any], name: str | None = None) -> 
     """
     word = name or getattr(detector, "__name__", "")
     if not word or word in inference.shipped():
-        raise Error(f"name: expected a name that is not taken, got '{word}'")
+        raise Error(f"name: expected a name that no pretrained detector has, got '{word}'")
     OWN[word] = detector
     return detector
 
@@ -177,7 +177,8 @@ def load_detector(
     except FileNotFoundError:
         near = suggestion(os.fspath(model), [*inference.shipped(), *OWN])
         raise Error(
-            f"model: expected a model's folder, file or name, got '{model}'{near}"
+            "model: expected the folder of a trained detector, a model file or the name of a "
+            f"detector, got '{model}'{near}"
         ) from None
     return TrainedDetector(file, device, checked_threads(threads))
 
@@ -252,7 +253,7 @@ def detect(
     if isinstance(model, TrainedDetector):
         inputs = inference.inputs_used(model.file)
         if text := region_warning(model.file, site):
-            warnings.warn(f"{text}: `region` takes an outline of the road", stacklevel=CALLER)
+            warnings.warn(f"{text}; `region` takes an outline of the road", stacklevel=CALLER)
         if text := frames_warning(model.file, frames.frames_version):
             warnings.warn(text, stacklevel=CALLER)
         detector = detector_at_place(model.file, site, model.device, model.threads)

@@ -60,7 +60,7 @@ def load_detector(
         ground = Ground(provenance.ground)
     if ground is None:
         raise Error(
-            f"{run}: expected the height of the sensor above the road, got none: set `height_m`"
+            f"{run}: expected the height of the sensor above the road, got none; set `height_m`"
         )
     if device == "cpu" and runs_with_onnx(provenance.detector):
         from pyinfra.models.onnx.detector import load
@@ -182,13 +182,15 @@ def model_file(run: Path, which: Literal["last", "best"] = "last") -> Path:
     if not run.exists():
         ours = ", ".join(shipped()) or "none"
         raise FileNotFoundError(
-            2, f"No such run or file, and no model of the package ({ours}) has this name", str(run)
+            2,
+            f"No such folder or file, and no pretrained detector ({ours}) has this name",
+            str(run),
         )
     names = (f"{which}.safetensors", "background.npz")
     for name in names:
         if (run / name).is_file():
             return run / name
-    raise FileNotFoundError(2, f"No {' or '.join(names)} in it", str(run))
+    raise FileNotFoundError(2, f"The folder has no {' or '.join(names)}", str(run))
 
 
 def is_of_anywhere(file: Path) -> bool:
@@ -263,7 +265,10 @@ def once(files: Sequence[Path]) -> None:
     for file in files:
         if file.stem in named:
             other = named[file.stem]
-            raise Error(f"{file}: expected a unique file name with `out`, got the name of {other}")
+            raise Error(
+                f"{file}: expected different file names, because the results in `out` have these "
+                f"names, got the name of {other}"
+            )
         named[file.stem] = file
 
 

@@ -38,9 +38,8 @@ class Detections(pd.DataFrame):  # type: ignore[misc]  # pandas has no types
         column.
         """
         if missing := [name for name in COLUMNS if name not in self.columns]:
-            raise Error(
-                f"detections: expected the columns {', '.join(COLUMNS)}, got no {missing[0]}"
-            )
+            names = ", ".join(COLUMNS)
+            raise Error(f"detections: expected the columns {names}; {missing[0]} is missing")
         out = path_of(folder, "folder")
         out.mkdir(parents=True, exist_ok=True)
         for number in sorted(set(self.frame.tolist()) | set(() if frames is None else frames)):

@@ -114,7 +114,9 @@ def detector_at_place(model: Path, where: Place, device: str = "cpu", threads: i
     """
     if model.suffix == ".npz" and where.given:
         name = where.given[0]
-        raise Error(f"{name}: expected no value for background, which is trained at one site")
+        raise Error(
+            f"{name}: expected no value for a background model, which has that of its training"
+        )
     detector = load_detector(
         model,
         ground=where.ground,
@@ -163,7 +165,7 @@ def readable_clouds(
         else:
             good.append(file)
     if not good:
-        raise Error(f"expected a cloud that can be read, got none: {errors[0]}")
+        raise Error(f"expected a point cloud that can be read, got none; the first: {errors[0]}")
     return good, errors
 
 
@@ -247,7 +249,8 @@ def learnt_warning(
     The text is empty if neither is true.
     """
     if difference := transfer(model, lidar_folder):
-        return "" if allow_transfer else f"{difference}; set `allow_transfer` if this is intended"
+        text = f"the frames differ from those of the training: {difference}"
+        return "" if allow_transfer else f"{text}; set `allow_transfer` if this is intended"
     is_split = split or (lidar_folder / "ImageSets/val.txt").is_file()
     if is_split or not has_labels(lidar_folder) or is_of_anywhere(model):
         return ""

@@ -28,20 +28,19 @@ def detections_of_own(number: int, model: OwnDetector, points: Points) -> Detect
     try:
         result = model(points)
     except Exception as error:
-        raise Error(f"{prefix}: {type(error).__name__}: {error}") from error
+        raise Error(f"{prefix}: the detector raised {type(error).__name__}: {error}") from error
     table = box_table(result, prefix)
     scores = table["score"] if "score" in table.columns else pd.Series(1.0, table.index)
     try:
         numbers = table[BOX].assign(score=scores).to_numpy(dtype=np.float64)
     except (TypeError, ValueError):
-        raise Error(
-            f"{prefix}: expected numbers in the columns of boxes, got other values"
-        ) from None
+        kinds = ", ".join(f"{name} {table[name].dtype}" for name in BOX)
+        raise Error(f"{prefix}: expected numbers in the columns of boxes, got {kinds}") from None
     if not np.isfinite(numbers).all():
         raise Error(f"{prefix}: expected finite numbers, got NaN or inf")
     boxes, values = numbers[:, :7], numbers[:, 7]
     if (boxes[:, 3:6] <= 0).any():
-        raise Error(f"{prefix}: dx, dy, dz: expected above 0, got {boxes[:, 3:6].min():g}")
+        raise Error(f"{prefix}: dx, dy, dz: expected values above 0, got {boxes[:, 3:6].min():g}")
     if (boxes[:, 3:6] > LONGEST_M).any():
         raise Error(
             f"{prefix}: dx, dy, dz: expected metres, up to {LONGEST_M:g}, got "
@@ -54,6 +53,7 @@ def detections_of_own(number: int, model: OwnDetector, points: Points) -> Detect
         raise Error(f"{prefix}: score: expected 0 to 1, got {values.min():g} to {values.max():g}")
     kinds = table["type"] if "type" in table.columns else pd.Series("vehicle", table.index)
     if not all(isinstance(kind, str) for kind in kinds):
-        raise Error(f"{prefix}: type: expected names of types, got values that are not text")
+        wrong = next(kind for kind in kinds if not isinstance(kind, str))
+        raise Error(f"{prefix}: type: expected a name such as 'Car', got {wrong!r:.40}")
     order = np.argsort(-values, kind="stable")
     return Detections(boxes[order], values[order], kinds.to_numpy(dtype=np.str_)[order])

@@ -111,7 +111,9 @@ class _Layer(nn.Module):
 
     def _convolved(self, x: SparseTensor, rulebook: Rulebook | Table) -> SparseTensor:
         if rulebook.source is not x.coordinates:
-            raise ValueError(f"key {self.key}: expected the voxels of its first layer, got others")
+            raise ValueError(
+                f"key {self.key}: expected the voxels of the first layer with this key, got others"
+            )
         features = convolve(x.features, self.weight, rulebook, self.bias)
         return replace(
             x, features=features, coordinates=rulebook.target, shape=rulebook.target_shape

@@ -31,7 +31,7 @@ class Accumulation:
             allowed = ", ".join(get_args(LabelAt))
             raise Error(f"label_at: expected one of {allowed}; got '{self.label_at}'")
         if self.frames == 1 and self.label_at != "newest":
-            raise Error(f"label_at: expected newest, got {self.label_at} for a single frame")
+            raise Error(f"label_at: expected 'newest' for a single frame, got '{self.label_at}'")
 
     def around(self, frame: int) -> range:
         """Returns the numbers of the frames that are stacked for a labelled frame."""
@@ -48,8 +48,8 @@ class Accumulation:
         groups = tuple([k for k in self.around(frame) if k in existing] for frame in labelled)
         if self.frames > 1 and groups and max(map(len, groups)) == 1:
             raise Error(
-                "accumulate: expected a folder with consecutive frames, got no two frames whose "
-                f"numbers differ by less than {self.frames}"
+                "accumulate: expected a folder with consecutive frames, got a folder without two "
+                f"frames whose numbers differ by less than {self.frames}"
             )
         return groups
 

@@ -81,9 +81,10 @@ class SiteSamples:
                     f"lidars: expected up to {most} LiDARs per visit, got {self.plan.lidars}"
                 )
         if (self.plan.narrow > 0) != (self.narrow is not None):
+            given = "no list" if self.narrow is None else "a list"
             raise Error(
-                "narrow: expected a list of LiDARs exactly if plan.narrow is above 0, got "
-                f"{'no' if self.narrow is None else 'a'} list and plan.narrow {self.plan.narrow:g}"
+                "narrow: expected a list of LiDARs if plan.narrow is above 0, and only then, got "
+                f"{given} and plan.narrow {self.plan.narrow:g}"
             )
 
     def __len__(self) -> int:

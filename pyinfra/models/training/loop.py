@@ -364,8 +364,8 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
     different = [key for key in theirs if key not in PASSING and theirs[key] != wanted[key]]
     if different:
         raise ConfigError(
-            f"{file}: expected a checkpoint of this training, got a checkpoint with other values "
-            f"of {', '.join(different)}"
+            f"{file}: expected a checkpoint of this training, got a checkpoint with different "
+            f"values of {', '.join(different)}; choose another folder"
         )
     described = out / "run.yaml"
     before, now = (_ways(d) for d in (read_config(described, Description), ours))
@@ -373,7 +373,9 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
         del before["drawn"]
     for key, value in before.items():
         if value != now[key]:
-            raise ConfigError(f"{described}: {key}: expected {now[key]} to resume, got {value}")
+            raise ConfigError(
+                f"{described}: {key}: expected {now[key]} to resume the training, got {value}"
+            )
     return loaded
 
 

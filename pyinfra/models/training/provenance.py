@@ -98,7 +98,9 @@ def opened(file: Path, framework: Literal["np", "pt"]) -> Iterator[Any]:
         with safe_open(file, framework=framework) as weights:
             yield weights
     except SafetensorError as error:
-        raise ConfigError(f"{file}: expected a checkpoint, got something else ({error})") from None
+        raise ConfigError(
+            f"{file}: expected a checkpoint, got a file that cannot be read as one: {error}"
+        ) from None
 
 
 def tensors_of(weights: Any) -> dict[str, Any]:
@@ -115,7 +117,9 @@ def provenance_of(weights: Any, file: Path) -> Provenance:
     except yaml.YAMLError:
         plain = None
     if not isinstance(plain, dict) or "format" not in plain:
-        raise ConfigError(f"{file}: expected weights of pyinfra, got a file without a description")
+        raise ConfigError(
+            f"{file}: expected weights that pyinfra wrote, got weights without `about`"
+        )
     written = {"format": FORMAT, "convention": CONVENTION, "above_road": True}
     for key, wanted in written.items():
         if plain.get(key) != wanted:

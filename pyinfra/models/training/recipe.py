@@ -32,7 +32,9 @@ def _model(_: Path, word: str) -> None:
             model_file(Path(word))
     except FileNotFoundError:
         ours = ", ".join(shipped())
-        raise Error(f"expected a training's folder, a model file or {ours}, got '{word}'") from None
+        raise Error(
+            f"expected the folder of a trained detector, a model file or {ours}, got '{word}'"
+        ) from None
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ class Learning:
     steps: int = ruled(1000, 0, 10_000_000)  # 0: `start` without further training
     start: str = checked(
         _model, ""
-    )  # network to start from: a training's folder, a file, or a pretrained detector's name
+    )  # network to start from: folder of a trained detector, file, or a pretrained detector's name
     batch: int = ruled(4, 1, 1024)  # frames in a batch
     rate: float = ruled(0.003, 1e-7, 1)  # highest learning rate
     weight_decay: float = ruled(0.01, 0, 1)  # weight decay of AdamW

@@ -130,7 +130,7 @@ def sequence_source(
     """Returns all frames of a sequence as training frames. Raises Error if the LiDAR is unknown."""
     lidar = frames.lidar
     if lidar is None:
-        raise Error("frames: expected frames of a LiDAR with a pose, got frames without")
+        raise Error("frames: expected frames of a LiDAR with a pose, got frames without a LiDAR")
     chosen = frames.of(spread(frames.numbers, MOST_FRAMES[tier]))
     vehicles, count = cache(chosen.vehicles), len(chosen)
     return Source(

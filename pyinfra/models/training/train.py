@@ -64,7 +64,10 @@ def train(
     out.mkdir(parents=True, exist_ok=True)
     other_model = "last.safetensors" if recipe.detector == "background" else "background.npz"
     if (out / other_model).exists():
-        raise FileExistsError(f"{out}: expected no model of another detector, got {other_model}")
+        raise FileExistsError(
+            f"{out}: expected a folder without a model of a different detector, got {other_model}; "
+            "choose a different folder"
+        )
     if recipe.detector == "background":
         return _learn_background(recipe, sources, out)
     if recipe.learning.steps == 0:
@@ -80,7 +83,10 @@ def _as_it_comes(recipe: Recipe, out: Path) -> Path:
     """
     source, model = model_file(Path(recipe.learning.start)), out / "last.safetensors"
     if model.exists() and not filecmp.cmp(source, model, shallow=False):
-        raise FileExistsError(f"{out}: expected no model of another network, got {model.name}")
+        raise FileExistsError(
+            f"{out}: expected a folder without a model or with the model {source.name}, got a "
+            f"{model.name} of a different network; choose a different folder"
+        )
     detector = read_provenance(source).detector
     if detector != recipe.detector:
         raise ConfigError(
@@ -94,14 +100,14 @@ def _as_it_comes(recipe: Recipe, out: Path) -> Path:
 
 def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: Path) -> Path:
     if isinstance(sources, Stream):
-        raise Error("background: expected one LiDAR, got a stream of sites")
+        raise Error("background: expected one LiDAR to train on, got a stream of random sites")
     if len(sources) != 1:
         raise Error(f"background: expected one LiDAR to train on, got {len(sources)} LiDARs")
     (source,) = sources
     if source.accumulation.frames > 1:
         raise Error(
-            f"accumulate: expected 1, got {source.accumulation.frames} for background, which uses "
-            "single frames"
+            "accumulate: expected 1 for background, which uses single frames, got "
+            f"{source.accumulation.frames}"
         )
     chosen = spread(range(len(source.clouds)), BACKGROUND_FRAMES)
     file = out / "background.npz"
@@ -218,7 +224,7 @@ def _begun_with(network: Network, start: Path, provenance: Provenance) -> Proven
     except RuntimeError as error:
         first = str(error).splitlines()[-1].strip()
         raise ConfigError(
-            f"{start}: expected weights of this network, got other weights: {first}"
+            f"{start}: expected weights of this network, got weights that do not fit: {first}"
         ) from None
     line = loaded.provenance.calibration if loaded.classes == network.classes else None
     return replace(provenance, start=checkpoint.digest(file), calibration=line)
@@ -288,7 +294,9 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
 
     if isinstance(sources, Stream):
         if kept > 0:
-            raise Error(f"learning.validate_frames: expected 0, got {kept} for a stream")
+            raise Error(
+                f"learning.validate_frames: expected 0 for a stream of random sites, got {kept}"
+            )
         return sources, None
     sources = [on_road(source) for source in sources]
     frames, held_out = _frames(sources, kept)
@@ -334,13 +342,14 @@ def _frames(sources: Sequence[Source], kept: int) -> tuple[Frames, Frames | None
         of_lidar = Frames(source.clouds, source.read_boxes(), classes=classes, heights_m=heights_m)
         if 0 < len(of_lidar) <= kept:
             raise Error(
-                f"learning.validate_frames: expected less than the {len(of_lidar)} frames of "
-                f"{source.lidar}, got {kept}"
+                f"learning.validate_frames: expected less than {len(of_lidar)}, the number of "
+                f"frames of {source.lidar}, got {kept}"
             )
         learnt += of_lidar.part(slice(0, len(of_lidar) - kept))
         held_out += of_lidar.part(slice(len(of_lidar) - kept, None))
     if kept > 0 and not any(map(len, held_out.boxes)):
         raise Error(
-            f"learning.validate_frames: expected a vehicle in the last {kept} frames, got none"
+            f"learning.validate_frames: expected one or more vehicles in the last {kept} frames, "
+            "got none"
         )
     return learnt, held_out if kept > 0 else None

@@ -62,7 +62,7 @@ def sensors(
     weights = presets or Sensors(()).presets
     kept = [file for file in files if file.stem not in without and _can_be_cast(file, weights)]
     if not kept:
-        raise Error("without: expected at least one remaining LiDAR with these presets, got none")
+        raise Error("without: expected one or more remaining LiDARs with these presets, got none")
     return Sensors(tuple(kept), weights)
 
 

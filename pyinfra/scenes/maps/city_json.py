@@ -38,7 +38,7 @@ def read_city_json(file: Path) -> Triangles:
         raise FormatError(f"{file}: cannot be read as JSON: {str(error)[:200]}") from None
     kind = content.get("type") if isinstance(content, dict) else None
     if kind != "CityJSON":
-        raise FormatError(f"{file}: expected a file of the type CityJSON, got {str(kind)[:40]!r}")
+        raise FormatError(f"{file}: type: expected 'CityJSON', got {str(kind)[:40]!r}")
     vertices = _vertices(file, content)
     objects = content.get("CityObjects")
     faces = [
@@ -59,10 +59,18 @@ def _vertices(file: Path, content: Mapping[str, Any]) -> FloatArray:
         scale, shift = (np.array(transform[k], dtype=np.float64) for k in ("scale", "translate"))
         with np.errstate(all="ignore"):
             vertices = raw * scale.reshape(3) + shift.reshape(3)
-    except (KeyError, TypeError, ValueError, OverflowError):
-        raise FormatError(f"{file}: expected vertices of three numbers, and a transform") from None
-    if not (np.abs(vertices) <= MOST_M).all():  # NaN fails as well
-        raise FormatError(f"{file}: vertices: expected coordinates up to {MOST_M:g} m, got others")
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise FormatError(
+            f"{file}: vertices, transform: expected vertices of three numbers, and scale and "
+            f"translate of three numbers, got {error!r}"
+        ) from None
+    near = (np.abs(vertices) <= MOST_M).all(axis=1)  # false for NaN
+    if not near.all():
+        at = int(near.argmin())
+        raise FormatError(
+            f"{file}: vertices: {at}: expected coordinates up to {MOST_M:g} m, got "
+            f"{vertices[at].tolist()}"
+        )
     return np.asarray(vertices)
 
 
@@ -85,7 +93,9 @@ def _triangles(where: str, surface: object, vertices: FloatArray) -> list[list[i
     try:
         index = [np.array(ring, dtype=np.int64).reshape(-1) for ring in rings]
     except (TypeError, ValueError, OverflowError):
-        raise FormatError(f"{where}: boundaries: expected numbers of vertices") from None
+        raise FormatError(
+            f"{where}: boundaries: expected indices of vertices, got {str(rings)[:40]}"
+        ) from None
     for ring in index:
         if len(ring) and not (ring.min() >= 0 and ring.max() < len(vertices)):
             raise FormatError(

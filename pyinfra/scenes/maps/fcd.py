@@ -64,15 +64,20 @@ def _read_csv(file: Path) -> list[Recorded]:
         wrong = ~np.isfinite(states[:, :4]).all(axis=1) | (np.abs(states[:, :4]) > 1e8).any(axis=1)
         if wrong.any():
             line = int(rows.index[int(wrong.argmax())]) + 2
-            raise FormatError(f"{file}:{line}: expected time, x and y as numbers up to 1e8")
+            got = ", ".join(f"{value:g}" for value in states[int(wrong.argmax()), :3])
+            raise FormatError(f"{file}:{line}: expected time, x and y up to 1e8, got {got}")
         for name, of_name in rows.groupby(columns["id"], sort=False):
             at = rows.index.get_indexer(of_name.index)
             if (np.diff(states[at, 0]) <= 0).any():
-                raise _refusal(file, f"{kind} {name}: expected ascending times")
+                back = int(np.flatnonzero(np.diff(states[at, 0]) <= 0)[0])
+                before, time = states[at[back : back + 2], 0]
+                text = f"expected ascending times, got {time:g} after {before:g}"
+                raise _refusal(file, f"{kind} {name}: {text}")
             type_name = str(of_name[columns["type"]].iloc[0]) if columns["type"] in rows else ""
             out.append(Recorded(str(name), type_name, states[at], values["speed"][at], kind))
     if not out:
-        raise _refusal(file, "expected columns such as vehicle_id, vehicle_x and vehicle_y")
+        text = "expected columns such as vehicle_id, vehicle_x and vehicle_y, got no such columns"
+        raise _refusal(file, text)
     return out
 
 
@@ -98,7 +103,7 @@ def read_fcd(file: Path) -> list[Recorded]:
             file, f"expected a complete .gz file, got a damaged one ({error})"
         ) from error
     if not rows:
-        raise _refusal(file, "expected vehicles or people, got none")
+        raise _refusal(file, "expected one or more vehicles or people, got none")
     return [
         Recorded(key[1], types[key], np.array(values)[:, :5], np.array(values)[:, 5], key[0])
         for key, values in rows.items()

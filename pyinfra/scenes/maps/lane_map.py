@@ -172,9 +172,8 @@ def checked_lanes(
     for lane in lanes:
         borders = np.concatenate([lane.left, lane.right])
         if not np.isfinite(borders).all():
-            raise MapError(
-                f"{source}: lane {lane.name}: expected finite coordinates, got another value"
-            )
+            wrong = borders[~np.isfinite(borders).all(axis=1)][0].tolist()
+            raise MapError(f"{source}: lane {lane.name}: expected finite coordinates, got {wrong}")
         if np.abs(borders).max() > farthest_m:
             most = np.abs(borders).max()
             raise MapError(
@@ -184,11 +183,13 @@ def checked_lanes(
         steps = np.diff(lane.centre, axis=0)
         rise = np.abs(steps[:, 2]) - STEEPEST * np.hypot(*steps[:, :2].T)
         if rise.max() > 0.1:
-            x, y, z = lane.centre[int(rise.argmax())]
+            at = int(rise.argmax())
+            x, y, z = lane.centre[at]
             raise MapError(
-                f"{source}: lane {lane.name}: expected grades up to {STEEPEST:.0%}, got a step "
-                f"in z at {x:.1f} {y:.1f} {z:.1f}"
+                f"{source}: lane {lane.name}: expected grades up to {STEEPEST:.0%}, got a rise of "
+                f"{abs(steps[at, 2]):.1f} m over {np.hypot(*steps[at, :2]):.1f} m at "
+                f"{x:.1f} {y:.1f} {z:.1f}"
             )
     if not any(lane.driveable for lane in lanes):
-        raise MapError(f"{source}: expected a lane for vehicles, got none")
+        raise MapError(f"{source}: expected one or more lanes for vehicles, got none")
     return list(lanes)

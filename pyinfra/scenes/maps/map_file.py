@@ -18,11 +18,11 @@ PACKED = (".gz", ".bz2")
 _MESH = "add it to a site of this place as a mesh (`pyinfra site mesh`)"
 # Formats of buildings, which have no lanes, and what to do with them.
 OTHERS = {
-    ".city.json": f"CityJSON has buildings, {_MESH}",
-    ".cityjson": f"CityJSON has buildings, {_MESH}",
-    ".json": f"if it is CityJSON, it has buildings: {_MESH}",
-    ".gml": f"CityGML has buildings: convert it with citygml-tools to CityJSON, and {_MESH}",
-    **dict.fromkeys((".obj", ".glb", ".gltf", ".stl", ".ply"), f"a mesh has no lanes: {_MESH}"),
+    ".city.json": f"CityJSON has buildings; {_MESH}",
+    ".cityjson": f"CityJSON has buildings; {_MESH}",
+    ".json": f"CityJSON has buildings; {_MESH}",
+    ".gml": f"CityGML has buildings; convert it with citygml-tools to CityJSON, and {_MESH}",
+    **dict.fromkeys((".obj", ".glb", ".gltf", ".stl", ".ply"), f"a mesh has no lanes; {_MESH}"),
 }
 CONVERTED = {".o5m": "osmconvert {0} -o={1}.osm"}
 
@@ -37,7 +37,7 @@ def format_of(file: Path) -> str:
         if name.endswith(ending):
             stem = file.name[: -len(ending)].removesuffix(".osm")
             raise MapError(
-                f"{file}: expected XML, got {ending}; convert the file first, for example with "
+                f"{file}: expected XML, got a {ending} file; convert it first, for example with "
                 f"`{command.format(file.name, stem)}`"
             )
     if name.endswith(PBF):
@@ -51,7 +51,7 @@ def format_of(file: Path) -> str:
         return ending
     for ending, advice in OTHERS.items():
         if name.endswith(ending):
-            raise MapError(f"{file}: expected a map with lanes, got {ending}: {advice}")
+            raise MapError(f"{file}: expected a map with lanes, got a {ending} file: {advice}")
     raise MapError(
         f"{file}: expected a file name that ends in {', '.join(FORMATS)}, optionally followed by "
         f"{' or '.join(PACKED)}, or in .osm{PBF}; got '{file.suffix}'"

@@ -62,7 +62,7 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
             return Imported(
                 record["lanes"], record["triangles"], Pole(**record["pole"]), record, False
             )
-        raise FileExistsError(f"{out}: expected a new folder, got the folder of another import")
+        raise FileExistsError(f"{out}: expected a new folder, got the folder of a different import")
     with new_folder(out) as folder, tempfile.TemporaryDirectory() as scratch:
         plain = unpacked(file, kind, Path(scratch))
         try:

@@ -100,7 +100,9 @@ def _from_osm(
         return _from_lanelet2(file, options)
     centre, turned = streets.place_of(options.centre)
     if not (abs(centre[0]) <= 180 and abs(centre[1]) <= 85):
-        raise MapError(f"{file}: centre: expected lon,lat in degrees, got {centre}")
+        raise MapError(
+            f"{file}: `centre`: expected longitude and latitude in degrees, got {centre}"
+        )
     streets.check_centre(centre, file, options.radius_m)
     levels = osm_levels.find_levels(streets, centre, options.radius_m)
     side = options.traffic_side or streets.traffic_side()
@@ -154,7 +156,7 @@ def _from_lanelet2(file: Path, options: ImportOptions) -> tuple[SiteMap, dict[st
     _check_side(file, options)
     site_map, centre = read_lanelets(file, options.centre)
     if not site_map.lanes:
-        raise MapError(f"{file}: expected a lanelet with two borders, got none")
+        raise MapError(f"{file}: expected one or more lanelets with two borders, got none")
     offset = _offset(site_map.lanes, file, replace(options, centre=None))
     offset[:2] = offset[:2] if centre is None else 0.0
     if centre is None and options.centre:
@@ -180,7 +182,10 @@ READERS = {
 
 def _check_side(file: Path, options: ImportOptions) -> None:
     if options.traffic_side is not None:
-        raise MapError(f"{file}: `traffic_side`: expected none, because the map states the side")
+        raise MapError(
+            f"{file}: `traffic_side`: expected no value, because the map states the side, got "
+            f"{options.traffic_side}"
+        )
 
 
 def _shifted_network(
@@ -226,7 +231,8 @@ def _cut(site_map: SiteMap, radius_m: float, file: Path) -> None:
     site_map.lanes = [x for x in site_map.lanes if np.hypot(*x.centre[:, :2].T).min() <= radius_m]
     if not any(lane.driveable for lane in site_map.lanes):
         raise MapError(
-            f"{file}: expected a lane for vehicles within {radius_m:g} m of the centre, got none"
+            f"{file}: expected a lane for vehicles within {radius_m:g} m (`radius_m`) of the "
+            "centre, got none"
         )
     site_map.bodies = [b for b in site_map.bodies if np.hypot(*b.outline.mean(0)) <= radius_m]
     site_map.trees = [t for t in site_map.trees if math.hypot(t.x_m, t.y_m) <= radius_m]

@@ -39,9 +39,7 @@ def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement)
     """
     name = f"meshes/{file.stem.lower()}.ply"
     if (site / name).exists():
-        raise FileExistsError(
-            f"{site / name}: expected no mesh of this name in the site, got one; rename {file}"
-        )
+        raise FileExistsError(f"{site / name}: the site has a mesh of this name; rename {file}")
     mounts = feet(site)
     mesh = _placed(_read(file), file, placement)
     away = _away_m(mesh, mounts)
@@ -63,10 +61,10 @@ def _read(file: Path) -> Triangles:
     if file.suffix.lower() not in ENDINGS:
         endings = ", ".join(ENDINGS)
         raise FormatError(
-            f"{file}: expected a file name that ends in {endings}; got another ending"
+            f"{file}: expected a file name that ends in {endings}; got '{file.suffix}'"
         )
     if not file.stat().st_size:
-        raise FormatError(f"{file}: expected a mesh, got 0 bytes")
+        raise FormatError(f"{file}: expected a mesh, got an empty file")
     if file.suffix.lower() in city_json.ENDINGS:
         return city_json.read_city_json(file)
     try:
@@ -81,7 +79,7 @@ def _read(file: Path) -> Triangles:
         why = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise FormatError(f"{file}: cannot be read as a mesh: {why}") from error
     if not len(faces):
-        raise FormatError(f"{file}: expected faces, got none")
+        raise FormatError(f"{file}: expected one or more faces, got none")
     if len(faces) > MOST_TRIANGLES:
         raise FormatError(f"{file}: expected up to {MOST_TRIANGLES} faces, got {len(faces)}")
     if faces.min() < 0 or faces.max() >= len(vertices):
@@ -91,7 +89,9 @@ def _read(file: Path) -> Triangles:
         )
     if not np.isfinite(vertices).all():
         at = int(np.flatnonzero(~np.isfinite(vertices).all(1))[0])
-        raise FormatError(f"{file}: vertex {at}: expected numbers, got {vertices[at].tolist()}")
+        raise FormatError(
+            f"{file}: vertex {at}: expected finite numbers, got {vertices[at].tolist()}"
+        )
     return Triangles(vertices, faces)
 
 

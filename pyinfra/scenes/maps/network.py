@@ -57,7 +57,7 @@ def shape_of(text: str, where: str) -> FloatArray:
     except ValueError as error:
         raise MapError(f"{where}: shape: expected x,y or x,y,z, got {text[:40]!r}") from error
     if not np.isfinite(shape).all():
-        raise MapError(f"{where}: shape: expected finite numbers, got another value")
+        raise MapError(f"{where}: shape: expected finite numbers, got {text[:40]!r}")
     if len(shape):
         check_extent(float(np.ptp(shape, axis=0).max()), f"{where}: shape")
     return shape

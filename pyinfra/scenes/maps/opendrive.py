@@ -86,8 +86,10 @@ def _read_road(node: Element, site_map: SiteMap) -> None:
             site_map.not_understood.append(f"road {road.id}: lateralProfile/{tag}")
     sections = node.findall("lanes/laneSection")
     starts = [number(section, "s") for section in sections]
-    if any(b < a for a, b in itertools.pairwise(starts)):
-        raise MapError(f"road {road.id}: laneSection: expected ascending s")
+    for before, start in itertools.pairwise(starts):
+        if start < before:
+            text = f"expected ascending values, got {start:g} after {before:g}"
+            raise MapError(f"road {road.id}: laneSection: s: {text}")
     pieces: dict[tuple[int, int], Piece] = {}
     for side, sign in (("left", 1), ("right", -1)):
         some = [(at, one) for at, one in zip(starts, sections, strict=True) if _holds(one, side)]

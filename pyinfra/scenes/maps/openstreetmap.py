@@ -158,9 +158,11 @@ def read_street_map(file: Path) -> StreetMap:
     if street_map.lanelets:  # a map of Lanelet2, which has the same ending
         return street_map
     if not any("highway" in way.tags for way in street_map.ways):
-        raise MapError(f"{file}: expected a way with the tag `highway`, got none")
+        raise MapError(f"{file}: expected one or more ways with the tag `highway`, got none")
     if not street_map.of_highways():
-        raise MapError(f"{file}: expected nodes of highways with known positions, got none")
+        raise MapError(
+            f"{file}: expected ways with the tag `highway` whose nodes have positions, got none"
+        )
     return street_map
 
 

@@ -69,7 +69,7 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
     """
     unknown = sorted(set(how.names) - set(_COLUMNS))
     if unknown:
-        raise Error(f"columns: expected names among {', '.join(_COLUMNS)}; got '{unknown[0]}'")
+        raise Error(f"columns: expected one of the names {', '.join(_COLUMNS)}; got '{unknown[0]}'")
     words = read_words(file, separator_of(file))
     ours = {theirs: our_name for our_name, theirs in how.names.items()}
     words = _with_known_names(words.rename(columns=ours))
@@ -82,11 +82,11 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
         if name not in words.columns:
             have = ", ".join(map(str, words.columns))[:200]
             raise FormatError(
-                f"{file}:1: expected a column '{name}', got the columns {have}; `columns` can map "
-                "other names, and `class_of` =Car is a class for all objects"
+                f"{file}:1: expected a column '{name}', got the columns {have}; `columns` maps "
+                "other names, and `class_of` =Car sets the class of objects without a class"
             )
     if not len(words):
-        raise FormatError(f"{file}: expected a row, got none")
+        raise FormatError(f"{file}: expected one or more rows, got none")
     classes = np.array([_class(file, i, name, how) for i, name in enumerate(words["class"])])
     sizes = np.array([CLASSES[name].mean_m for name in classes]).reshape(-1, 3)
     values = {name: _checked(file, words, name) for name in (*_NEEDED[:-1], clock)}
@@ -124,7 +124,7 @@ def read_frames(folder: Path) -> list[BoxTrack]:
         boxes.append(labels.boxes)
         names.append(labels.names.astype(str))
     if not times:
-        raise FormatError(f"{folder}: expected a label, got none")
+        raise FormatError(f"{folder}: expected one or more labels, got none")
     all_boxes, classes = boxes_to_world(np.concatenate(boxes), pose), np.concatenate(names)
     wrong = sorted(set(classes) - set(CLASSES))
     if wrong:
@@ -178,7 +178,7 @@ def _class(file: Path, row: int, name: str, how: BoxColumns) -> str:
     if ours not in CLASSES:
         raise FormatError(
             f"{file}:{row + 2}: class: expected one of {', '.join(CLASSES)}; got '{name[:40]}'; "
-            f"for example, `class_of` {shlex.quote(f'{name}=Car')} maps it"
+            f"`class_of` maps this name to a class, such as {shlex.quote(f'{name}=Car')}"
         )
     return ours
 
@@ -203,7 +203,8 @@ def _tracks(
             )
         if len(set(classes[rows])) > 1:
             raise FormatError(
-                f"{file}: expected one class for each object, got two for object '{names[i]}'"
+                f"{file}: expected one class for each object, got "
+                f"{' and '.join(sorted(set(classes[rows])))} for object '{names[i]}'"
             )
         tracks.append(BoxTrack(str(names[i]), str(classes[rows[0]]), times[rows], boxes[rows]))
     return tracks

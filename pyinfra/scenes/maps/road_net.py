@@ -106,7 +106,7 @@ def read_road_net(file: Path) -> RoadNet:
     except ElementTree.ParseError as error:
         raise FormatError(f"{file}: expected a SUMO network, got broken XML ({error})") from error
     if root.tag != "net":
-        raise FormatError(f"{file}: expected <net>, got <{root.tag[:40]}>")
+        raise FormatError(f"{file}: expected the element <net>, got <{root.tag[:40]}>")
     try:
         return _net(root)
     except (KeyError, ValueError) as error:

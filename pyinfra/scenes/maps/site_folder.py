@@ -21,7 +21,7 @@ def scene_of(site: Path) -> Path:
     if not (site / SCENE).is_file():
         inside = ", ".join(str(file.parent) for file in sorted(site.glob(f"*/{SCENE}")))
         more = f"; sites in it: {inside}" if inside else "; `pyinfra site import` makes a site"
-        raise Error(f"{site}: expected a folder with {SCENE}, got none{more}")
+        raise Error(f"{site}: expected a site folder with {SCENE}, got a folder without it{more}")
     return site / SCENE
 
 
@@ -35,7 +35,7 @@ def feet(site: Path) -> FloatArray:
         positions = []
     points = np.array(positions).reshape(-1, 2)
     if not len(points) or not np.isfinite(points).all():
-        raise FormatError(f"{file}: mounts: expected a mount with x_m and y_m, got none")
+        raise FormatError(f"{file}: mounts: expected one or more mounts with x_m and y_m, got none")
     check_metres(site, points, f"{file}: mounts: x_m, y_m")
     return points
 
@@ -46,7 +46,10 @@ def yaws(site: Path) -> dict[str, float]:
     try:
         return {name: float(mount.get("yaw_deg", 0)) for name, mount in dict(mounts).items()}
     except (AttributeError, TypeError, ValueError):
-        raise FormatError(f"{site / SCENE}: mounts: expected a mapping, got none") from None
+        raise FormatError(
+            f"{site / SCENE}: mounts: expected a mapping of names to mounts, got "
+            f"{str(mounts)[:40]!r}"
+        ) from None
 
 
 def offset(site: Path) -> FloatArray:

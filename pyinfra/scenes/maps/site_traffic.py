@@ -36,8 +36,8 @@ def has_traffic(site: Path, demand: Demand, seconds: float, seed: int) -> bool:
     for key, value in _arguments(demand, seconds, seed).items():
         if stored.get(key, value) != value:
             raise Error(
-                f"{key}: expected {stored[key]} as for the trajectories of {site}, got {value}; "
-                "choose another folder, or keep the trajectories with `vehicles_per_hour` 0"
+                f"{key}: expected {stored[key]}, as for the existing trajectories of {site}, got "
+                f"{value}; choose a different folder, or set `vehicles_per_hour` to 0 to keep them"
             )
     return True
 
@@ -58,8 +58,8 @@ def _check_directions(site: Path) -> None:
     if len(against) > int(record.get("lanes") or 0) / 2:
         raise Error(
             f"{site}: expected lanes that run as in SUMO's network, got {len(against)} lanes that "
-            "run against it: roads with left-hand traffic can only be imported if all roads of the "
-            'map have rule="LHT". Use recorded trajectories'
+            "run in the opposite direction; roads with left-hand traffic can only be imported if "
+            'all roads of the map have rule="LHT". Use recorded trajectories'
         )
 
 

@@ -23,7 +23,7 @@ def write_trajectories(file: Path, tracks: list[Track]) -> None:
     """
     ordered = sorted(tracks, key=lambda t: (t.first, t.name))
     if not ordered or ordered[0].first != 0:
-        raise Error(f"{file}: expected an object at t = 0, got none")
+        raise Error(f"{file}: expected one or more objects at t = 0, got none")
     for track in ordered:
         _check(track)
     files.write(file, _text(ordered))

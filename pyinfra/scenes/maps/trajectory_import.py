@@ -112,7 +112,7 @@ def _classes(
         first, name = next(iter(unknown.items()))
         raise FormatError(
             f"object '{name[:40]}': expected one of the types {', '.join(_SUMO_TYPES)}; got type "
-            f"'{first[:40]}'; for example, `class_of` {hint} maps it"
+            f"'{first[:40]}'; `class_of` maps this type to a class, such as {hint}"
         )
     return class_of
 
@@ -252,7 +252,7 @@ def _from_zero(out: ImportedTracks) -> ImportedTracks:
     """Shifts the time so that the first track starts at 0. Raises FormatError without a track."""
     if not out.tracks:
         why = out.notes[0] if out.notes else "no rows"
-        raise FormatError(f"expected a usable track, got none ({why})")
+        raise FormatError(f"expected one or more usable tracks, got none ({why})")
     out.tracks = from_zero(out.tracks)
     return out
 

@@ -37,7 +37,7 @@ def rewrite_plan_page(folder: Path, out: Path) -> Path:
         version = data["format"]
     except (ValueError, TypeError, KeyError) as error:
         raise FormatError(
-            f"{file}: expected the data of a plan's page, got another file"
+            f"{file}: expected the data of a plan's page, got a file without the key 'format'"
         ) from error
     if version != FORMAT:
         raise FormatError(

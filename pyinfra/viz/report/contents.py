@@ -57,10 +57,12 @@ def read_sections(module: str) -> tuple[Sequence[Maker], Mapping[str, Kind]]:
     except ModuleNotFoundError as error:
         if error.name is None or not module.startswith(error.name):
             raise  # the module exists, but one of its own imports is missing
-        raise Error(f"sections: expected a module to import, got {module}") from None
+        raise Error(
+            f"sections: expected a Python module that can be imported, got '{module}'"
+        ) from None
     sections = getattr(imported, "SECTIONS", None)
     if not isinstance(sections, Sequence):
-        raise Error(f"sections: expected a module with a list SECTIONS, got {module}")
+        raise Error(f"sections: expected a module with a list SECTIONS, got '{module}' without it")
     return sections, getattr(imported, "TABLES", {})
 
 

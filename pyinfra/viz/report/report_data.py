@@ -97,7 +97,7 @@ def read_run(folder: Path, data: Iterable[DataSet]) -> Run:
     values.
     """
     if not (folder / "predictions").is_dir():
-        raise FileNotFoundError(2, "expected a folder predictions, got none", str(folder))
+        raise FileNotFoundError(2, "expected a subfolder predictions, got none", str(folder))
     if (folder / "run.yaml").is_file():
         top = kitti.read_yaml(folder / "run.yaml")
         fields = {key: top.at(key).text() for key in ("scene", "lidar", "preset", "detector")}

@@ -36,8 +36,8 @@ def write_report(
         others = {"data": data, "runs": runs, "tier": tier, "sections": sections != SECTIONS}
         for name in [*(name for name, value in others.items() if value), *given]:
             raise Error(
-                f"{name}: expected a benchmark's results for it, got the plan {results}; the page "
-                "of a plan has its own controls"
+                f"{name}: expected the results of a benchmark for this argument, got the plan "
+                f"{results}; the page of a plan has its own controls"
             )
         return rewrite_plan_page(results, out)
     requirements = checked_requirements(**{**vars(Requirements()), **given})

@@ -65,7 +65,7 @@ def chosen_frames(
         raise Error(f"frames: expected A:B or A:B:STEP, got '{words}'") from None
     chosen = [frame for frame in present if frame in wanted]
     if not chosen:
-        raise Error(f"{folder}: expected {kitti.extent(present)}, got no frame of {words}")
+        raise Error(f"{folder}: frames: expected {kitti.extent(present)}, got {words}")
     return chosen
 
 
@@ -85,7 +85,9 @@ def prediction_folders(words: Sequence[str], folders: Sequence[Path]) -> dict[Pa
         if not equals and len(folders) == 1:
             name, folder = folders[0].name, word
         if name not in by_name or not folder:
-            raise Error(f"pred: expected LIDAR=DIR with LIDAR {', '.join(by_name)}, got '{word}'")
+            raise Error(
+                f"pred: expected LIDAR=DIR with LIDAR one of {', '.join(by_name)}; got '{word}'"
+            )
         if by_name[name] in chosen:
             raise Error(
                 f"pred: expected one folder for each LiDAR, got a second for {name}: '{word}'"
@@ -118,5 +120,5 @@ def _names(folders: Sequence[Path]) -> list[str]:
         for model, folder in zip(models, folders, strict=True)
     ]
     if len(set(names)) < len(names):
-        raise Error(f"expected each LiDAR once, got {', '.join(map(str, folders))}")
+        raise Error(f"data: expected each LiDAR once, got {', '.join(map(str, folders))}")
     return names
