@@ -78,7 +78,7 @@ def test_a_sentence_that_the_tables_contradict_is_refused(monkeypatch: pytest.Mo
     found = table.quantity.str.contains("vehicles found within 60 m") & (table.low < 0)
     table.loc[found, "low"] = 1.0
     monkeypatch.setattr(sentences_of_models, "results", lambda _: table)
-    with pytest.raises(Error, match="got: the vehicles found do not differ significantly"):
+    with pytest.raises(Error, match="got others: the vehicles found do not differ significantly"):
         sentences_of_models.placement()
 
 
