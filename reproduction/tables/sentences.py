@@ -152,11 +152,11 @@ def comparable() -> str:
     worst, best = networks.low.min(), networks.high.max()
     every = known(bool((captured.value < 0).all() & (common.value < 0).all()), "lower")
     return (
-        f"After fine-tuning, the Avia's AP is {every} than that of 128 lines. It is "
-        f"{lower['captured', 'paper']} lower with the settings of the study, and "
-        f"{lower['captured', 'datasheet']} lower with those of the data sheets. For vehicles that "
-        f"all LiDARs can see, it is {lower['common', 'paper']} lower with the settings of the "
-        f"study. With those of the data sheets, it is {lower['common', 'datasheet']} lower. "
+        f"After fine-tuning, the Avia's AP is {every} than that of 128 lines. With the settings of "
+        f"the study, it is {lower['captured', 'paper']} lower. With those of the data sheets, it "
+        f"is {lower['captured', 'datasheet']} lower. For vehicles that all LiDARs can see, it is "
+        f"{lower['common', 'paper']} lower with the settings of the study, and "
+        f"{lower['common', 'datasheet']} lower with those of the data sheets. "
         "On the highway with the settings of the study, networks that are trained from scratch "
         f"give a mean difference of at most {networks.value.abs().max():.1f} AP between the two "
         f"LiDARs. The intervals of this difference lie within {worst:.1f} to {best:.1f}. At the "
@@ -215,8 +215,8 @@ def value() -> str:
     return (
         "A single Avia does not reach an AP of 80 on the highway or on the curve. This AP is of "
         "all vehicles on both sides of the pole, and the Avia sees only one side. At the "
-        "crossroad, five Avias reach an AP of 80 with the settings of the study and with those of "
-        "the data sheets, but a cheaper LiDAR also reaches it. These results were obtained with "
+        "crossroad, five Avias reach this AP under both presets, but a cheaper LiDAR also reaches "
+        "it. These results were obtained with "
         "the fine-tuned detector. The tables show which LiDARs reach this AP, by price."
     )
 
