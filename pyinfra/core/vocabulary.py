@@ -16,7 +16,7 @@ TIERS: tuple[Tier, ...] = get_args(Tier)
 # the object's returns.
 LabelTime = Literal["frame", "scan"]
 
-# Ground-truth subsets: which vehicles inside the evaluation region count.
+# Ground-truth subsets: which vehicles inside the evaluation region are evaluated.
 # captured: vehicles that have a minimum number of points from this LiDAR.
 # common: visible vehicles inside the field of view and range of every LiDAR of the data set.
 # all: visible vehicles.

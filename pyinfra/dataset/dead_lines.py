@@ -1,7 +1,7 @@
 """Finds lines of a LiDAR without points from the first frame on, such as those of a dead laser.
 
 A line is missing if its neighbours have points, and the angle between them is that of two lines.
-Lines whose numbers do not follow their elevation are not judged, because a line without points may
+Lines whose numbers do not follow their elevation are not checked, because a line without points may
 then look at the sky.
 """
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray, IntArray, Points, Records
 
-LEAST_LINES = 8  # recordings with fewer lines are not judged
+LEAST_LINES = 8  # recordings with fewer lines are not checked
 LEAST_POINTS = 20  # least median number of points of a line in a frame, beside a missing line
 WIDE = 1.6  # least angle between the neighbours of a missing line, in usual angles
 MOST_SHARE = 0.25  # with a larger share of missing lines, the numbers of lines mean something else

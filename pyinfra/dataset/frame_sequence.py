@@ -127,7 +127,7 @@ class FrameSequence(Presented, Sequence[LidarFrame]):
 
     @property
     def frames_version(self) -> str:
-        """The number of the frames; empty for a recording."""
+        """The frames_version of the frames; empty for a recording."""
         return ""
 
     @property

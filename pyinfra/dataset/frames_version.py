@@ -8,8 +8,8 @@ from pathlib import Path
 from pyinfra.dataset.frames import data_set_of
 from pyinfra.formats.kitti import read_yaml
 
-FIRST = "3"  # frames of versions 0.3 and 0.4; the number of files that were written without one
-# Column of tables: number of the frames that the detector was learnt from.
+FIRST = "3"  # frames_version of versions 0.3 and 0.4, and of files that do not state it
+# Column of tables: frames_version of the frames that the detector was learnt from.
 LEARNT = "learnt_frames_version"
 NOT_MEASURED = "its accuracy on them was not measured"
 # Consequence where the accuracy on the frames is measured.
@@ -48,10 +48,10 @@ def number_at(folder: Path) -> str:
 
 
 def other_frames(name: str, learnt: str, used: str, consequence: str = NOT_MEASURED) -> str:
-    """Returns a warning if a model is used on frames of another number; else an empty text.
+    """Returns a warning if a model is used on frames of a different frames_version, else "".
 
-    learnt: numbers of the frames that the model was learnt from, separated by blanks. Both are
-    empty for recorded frames, which have no number.
+    learnt: frames_version of the frames that the model was learnt from, separated by blanks. Both
+    are empty for recorded frames, which have no frames_version.
     """
     numbers = learnt.split()
     if not numbers or not used or used in numbers:

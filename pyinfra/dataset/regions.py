@@ -24,8 +24,8 @@ from pyinfra.dataset.world_frame import to_levelled, to_world
 from pyinfra.formats.kitti import WorldPose
 
 REGION_FILE = "region.yaml"  # file in a LiDAR's folder with an outline drawn by the user
-# Width of the strip beside a carriageway in which pedestrians and cyclists also count, as in the
-# simulator.
+# Width of the strip beside a carriageway that is part of the region of pedestrians and cyclists, as
+# in the simulator.
 FOOTWAYS_M = 6.0
 # Width of the strip beside a carriageway in which `Region.axes` still returns the road's axis, so
 # that vehicles at the edge of the road also have an axis.

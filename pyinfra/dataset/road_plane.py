@@ -24,14 +24,14 @@ REACH_M = (2.0, 60.0)  # minimum and maximum slant range of the points that are 
 COLUMN_M = 1.0  # side of the vertical columns in which ground and motion are determined
 LOW_SHARE = 0.05  # share of a column's points that may lie below its ground
 LOW_M = 0.1  # points lower than this below the ground of a column are ignored
-MOVED_M = 0.7  # height above a column's ground at which a return counts as an object
+MOVED_M = 0.7  # height above a column's ground from which a return is an object
 # Minimum and maximum share of the frames in which a column with motion contains an object. Below
 # the minimum the object is noise; above the maximum it is static.
 MOVED_SHARE = (0.03, 0.6)
 MOVED_COLUMNS = 30  # minimum number of columns with motion for `moved_share`
 MOVED_WEIGHT = 2.0  # weight of the ground with motion relative to the ground near the sensor
 HALF_WEIGHT_M = 20.0  # horizontal distance at which ground has half the weight of ground at 0 m
-ON_M = 0.15  # ground within this distance of a plane counts as part of the plane
+ON_M = 0.15  # ground within this distance of a plane is part of the plane
 TRIES = 1500  # number of random planes
 REFINED = 10  # number of best random planes that are fitted to the ground
 APART_M = 4.0  # minimum distance between the three points of a random plane

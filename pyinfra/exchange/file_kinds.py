@@ -19,7 +19,7 @@ _CLOUD = "save the points as .pcd, .las or .ply, for example with CloudCompare o
 _ARCHIVE = "unpack the archive and import the folder"
 _ARRAYS = "save each frame as .bin: `points.astype('float32').tofile('000000.bin')`"
 _PICKLE = FileKind("pickle", "", "pickles are not read, because they can run code; " + _ARRAYS)
-# First bytes and kind. The first match counts.
+# First bytes and kind. The first match is used.
 MAGIC: tuple[tuple[bytes, FileKind], ...] = (
     (b"\x89MCAP0\r\n", FileKind("MCAP", "bag")),
     (b"#ROSBAG V", FileKind("ROS 1 bag (.bag)", "bag")),

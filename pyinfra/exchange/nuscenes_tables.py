@@ -29,7 +29,7 @@ from pyinfra.formats.kitti.layout import FARTHEST_M
 COLUMNS = 5  # x y z intensity ring
 INTENSITY_MAX = 255.0
 # Visible share of each level: within 0-40, and the middle of 40-60, 60-80 and 80-100 %. Level 1 is
-# below the share from which an object counts as visible, because most of it is hidden.
+# below the share from which an object is visible, because most of it is hidden.
 VISIBILITY = {"1": 0.1, "2": 0.5, "3": 0.7, "4": 0.9}
 OWN = "infrasim"  # further table of the exports of this package (nuscenes.py)
 STILL_M = 0.5  # largest distance between the positions of a LiDAR that does not move
@@ -186,10 +186,9 @@ def _sensor(tables: Tables, channel: str | None) -> str:
     lidars = [row for row in tables.rows("sensor") if row.get("modality") == "lidar"]
     chosen = [row for row in lidars if channel in (None, row.get("channel"))]
     if len(chosen) != 1:
-        names = ", ".join(str(row.get("channel")) for row in lidars) or "none"
-        raise Error(
-            f"{tables.folder}: expected one LiDAR, got the LiDARs {names}; `channel` selects one"
-        )
+        names = ", ".join(str(row.get("channel")) for row in lidars)
+        names = f"the LiDARs {names}" if names else "none"
+        raise Error(f"{tables.folder}: expected one LiDAR, got {names}; `channel` selects one")
     return str(chosen[0]["token"])
 
 

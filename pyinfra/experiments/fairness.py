@@ -1,4 +1,4 @@
-"""By how much the pretrained detector is unfair to LiDARs: the AP that fine-tuning adds to each."""
+"""The AP that fine-tuning adds to the pretrained detector for each LiDAR, which differs."""
 
 from collections.abc import Iterable, Mapping
 

@@ -86,7 +86,7 @@ class Option:
     per_seed: tuple[float, ...] = ()  # AP of all vehicles in each seed, if there are several
     # AP of this option minus that of another one, by name, in replicates (benchmark/until.py)
     replicated: Mapping[str, Interval] = field(default_factory=dict)
-    other_frames: str = ""  # remark if the detector learnt from frames of another number
+    other_frames: str = ""  # remark if the detector learnt from frames of a different version
 
     @property
     def name(self) -> str:
@@ -322,7 +322,7 @@ def within(
 
 
 def other_frames_of(row: pd.Series) -> str:
-    """Returns a remark if an experiment's detector learnt from frames of another number."""
+    """Returns a remark if a detector learnt from frames of a different frames_version."""
     learnt, used = (str(row.get(name, "")) for name in (LEARNT, "frames_version"))
     return other_frames(str(row.detector), learnt, used, MAY_BE_BETTER)
 

@@ -41,7 +41,7 @@ class Answer:
     named: Sequence[Option]
     relax: Sequence[str]  # for each option, which requirements to change; empty if it meets all
     remarks: Sequence[str]
-    caveat: str  # by how much the pretrained detector is unfair to LiDARs; empty if it ranks none
+    caveat: str  # on the pretrained detector and different LiDARs; empty if it ranks none
 
 
 def recommend(options: Sequence[Option], requirements: Requirements) -> Answer:

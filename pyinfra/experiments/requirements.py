@@ -31,7 +31,7 @@ class Requirements:
     """Requirements of a user."""
 
     budget_usd: float = math.inf  # highest price of LiDAR and site
-    # Lowest AP of all vehicles, 0 to 100. Road counts as covered where AP is above it.
+    # Lowest AP of all vehicles, 0 to 100. A road is covered where AP is above it.
     min_ap: float = HIGH_QUALITY
     range_m: float = REGION_M  # range within which AP and coverage are computed, to either side
     # Longest median time per frame. None: the frame period of the LiDAR. A detector that takes
@@ -56,7 +56,7 @@ def unlike(value: float, limit: float, digits: int) -> str:
 
 
 def place_of(range_m: float) -> str:
-    """Returns in words where vehicles count for a range."""
+    """Returns in words where the vehicles of a range are."""
     return "in the whole region" if range_m >= REGION_M else f"within {range_m:g} m"
 
 

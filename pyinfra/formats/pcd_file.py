@@ -175,7 +175,7 @@ def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
     names, sizes, letters, counts = (words[key] for key in ("FIELDS", "SIZE", "TYPE", "COUNT"))
     if not len(names) == len(sizes) == len(letters) == len(counts):
         got = ", ".join(str(len(part)) for part in (names, sizes, letters, counts))
-        _fail(file, f"FIELDS, SIZE, TYPE, COUNT: expected as many values for each, got {got}")
+        _fail(file, f"FIELDS, SIZE, TYPE, COUNT: expected equally many values, got {got}")
     small = Counter(name.lower() for name in names)
     names = [name.lower() if small[name.lower()] == 1 else name for name in names]
     fields = []

@@ -32,7 +32,7 @@ from pyinfra.formats import kitti
 
 @dataclass(frozen=True, eq=False)
 class GroundTruth:
-    """The objects in the frames of one LiDAR, and the data that decide which objects count."""
+    """The objects in the frames of one LiDAR, and data that decide which ones are evaluated."""
 
     folder: Path
     name: str
@@ -82,7 +82,7 @@ class GroundTruth:
     def counted(
         self, which: Subset, vehicles: Vehicles, places: Places, min_points: int
     ) -> BoolArray:
-        """Returns which vehicles count in a ground-truth subset: (n,) bool.
+        """Returns which vehicles are in a ground-truth subset: (n,) bool.
 
         places: positions of the vehicles. Raises Error for a subset that needs objects if the
         folder has none.

@@ -13,7 +13,7 @@ from pyinfra.metrics.prediction_checks import Finding
 def ground_truth_findings(
     lidar_folder: Path, frames: Sequence[int], vehicles: Vehicles, types: Sequence[str]
 ) -> Iterator[Finding]:
-    """Yields warnings about missing labels, labels that do not count, and a wrong region.
+    """Yields warnings about missing labels, labels that are not evaluated, and a wrong region.
 
     frames: frame numbers; `vehicles.frame` contains indices into `frames`. types: names of the
     types that are evaluated.

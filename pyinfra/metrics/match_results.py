@@ -4,13 +4,13 @@ All vehicles take part in the matching, with the boxes of their labels. Whether 
 region depends on its box at mid-frame. For pedestrians and cyclists the region includes a strip
 beside the carriageway.
 
-- A vehicle that does not count (not in the ground-truth subset, or outside the region) is ignored.
+- A vehicle that is not in the ground-truth subset, or is outside the region, is ignored.
   A prediction that is matched with an ignored vehicle is also ignored.
 - An unmatched prediction is a false positive if its centre is inside the region. For ground truth
   `common` its centre must also be in the common field of view. Otherwise the prediction is ignored.
 
 Two kinds of unmatched predictions are false positives even outside the region: a vehicle box on a
-labelled pedestrian or cyclist, and a second box on a pedestrian or cyclist that counts.
+labelled pedestrian or cyclist, and a second box on a pedestrian or cyclist that is evaluated.
 """
 
 import typing
@@ -47,7 +47,7 @@ class MatchResult:
 
     match_input: MatchInput
     matches: IntArray  # (p,) index of the matched vehicle, -1 for none
-    counted: BoolArray  # (v,) vehicles that count
+    counted: BoolArray  # (v,) vehicles in the subset and region
     true_positive: BoolArray  # (p,) true positives
     false_positive: BoolArray  # (p,) false positives
     blocks: Blocks

@@ -21,13 +21,13 @@ from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 
 Metric = Literal["bev", "3d", "centre"]
 
-# An IoU that differs from the threshold by at most TIE counts as equal to the threshold. TIE is
+# An IoU that differs from the threshold by at most TIE is taken as equal to the threshold. TIE is
 # larger than the numerical error of an IoU, and smaller than the rounding of labels.
 TIE = 1e-9
 IOU = 0.5  # least IoU of footprints for a match with a vehicle
 PERSON_IOU = 0.25  # least IoU for pedestrians and cyclists; lower, as their footprints are small
 CENTRE_M = 0.5  # largest distance of centres for a match by metric `centre`
-LEAST_OVERLAP = 0.1  # least overlap of a pair; a lower overlap counts as none
+LEAST_OVERLAP = 0.1  # least overlap of a pair; a lower overlap is taken as 0
 _PAIRS = 500_000  # number of pairs that are processed together
 
 
@@ -134,7 +134,7 @@ def true_positives(
 
 
 def reaches(iou: FloatArray, threshold: float, *, strict: bool) -> BoolArray:
-    """Returns whether an overlap reaches the threshold. Differences below TIE count as equal.
+    """Returns whether an overlap reaches the threshold. Values within TIE are equal.
 
     strict: whether the overlap must be above the threshold.
     """

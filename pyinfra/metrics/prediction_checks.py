@@ -25,7 +25,7 @@ from pyinfra.dataset.prediction_origin import (
 )
 from pyinfra.metrics.matching import pairs_of_frames
 
-OTHER_FRAMES = "other-frames"  # the finding that a model was learnt from frames of another number
+OTHER_FRAMES = "other-frames"  # the finding of a model from frames of a different frames_version
 NEAR_M = 2.0  # largest horizontal distance of a near prediction from the centre of a vehicle
 FAR_M = 20.0  # largest common displacement of all boxes in x or y that is recognised
 LEAST_NEAR = 0.3  # below this share of near predictions, common errors of position are tested
@@ -346,7 +346,7 @@ def _headings(boxes: FloatArray, truth: FloatArray) -> Iterator[tuple[str, str]]
 def _median_turn(turn: FloatArray) -> float:
     """Returns the median absolute difference of headings in degrees, 0 to 90.
 
-    turn: differences of headings, radians. Headings that differ by 180 degrees count as equal.
+    turn: differences of headings, radians. Headings that differ by 180 degrees are taken as equal.
     """
     return float(np.median(np.abs((np.degrees(turn) + 90) % 180 - 90)))
 

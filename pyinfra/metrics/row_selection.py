@@ -52,7 +52,7 @@ def ap_name(rows: pd.DataFrame) -> str:
     return "AP (R1000; R40 in rows of version 0.2)" if 40.0 in recalls else AP_R1000
 
 
-# Description of the vehicles that count for ap_whole, by ground-truth subset (see `with_whole`).
+# Description of the vehicles that ap_whole includes, by ground-truth subset (see `with_whole`).
 COUNTED = {"present": "every vehicle", "all": "all visible vehicles"}
 
 

@@ -37,7 +37,7 @@ class Settings:
     protocols : `definition` is AP at 40 and at 1,000 recalls. `r11` is AP at 11 recalls. `kitti` is
         AP at 40 recalls, with the sampling and the strict threshold of KITTI's devkit
     metrics : `bev`, `3d` or `centre`
-    min_score : least score of a prediction that counts
+    min_score : least score of a prediction that is evaluated
     min_points : least number of points on a captured vehicle
     min_objects : least number of objects in an area whose quality is determined
     cut_first : whether to also compute the AP of each window after all boxes outside the window

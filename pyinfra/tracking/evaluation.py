@@ -21,7 +21,7 @@ from pyinfra.tracking.lines import Line, lines_of
 from pyinfra.tracking.movements import movements
 from pyinfra.tracking.passages import passages
 
-VISIBLE = 0.2  # least visible share of a vehicle that counts
+VISIBLE = 0.2  # least visible share of an evaluated vehicle
 PASSAGE_S, PASSAGE_M = 1.5, 2.5  # largest differences between a passage and its truth
 _RISE = 5  # frames before and after a frame, over which the true speed is measured
 
@@ -62,8 +62,8 @@ def evaluate_tracks(
 ) -> TrackEvaluation:
     """Compares the tracks of vehicles with the objects of simulated frames.
 
-    Tracks of objects that do not count (hidden, too far, persons) are ignored. The similarity of a
-    track and an object is 1 - d / 2 m, for centres that are d apart on the ground.
+    Tracks of other objects (hidden, too far, persons) are ignored. The similarity of a track and an
+    object is 1 - d / 2 m, for centres that are d apart on the ground.
 
     Parameters
     ----------

@@ -172,5 +172,5 @@ def test_a_broken_frame_is_named_and_leaves_no_table(tmp_path: Path) -> None:
 
 
 def test_no_frame_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="expected a frame to export, got none"):
+    with pytest.raises(ValueError, match="expected one or more frames to export, got none"):
         nuscenes.export(write_recording(tmp_path), [], tmp_path)

@@ -85,7 +85,7 @@ DATA """
         (HEADER + "binary_compressed\n1234", "the file may be truncated"),
         (
             HEADER + "binary_compressed\n\x02\0\0\0\x18\0\0\0\x7f\x7f",
-            "points: expected LZF data, .*, got something else",
+            "points: expected LZF data of .*, got data",
         ),
         (HEADER + "ascii\n1 2 3\n", "expected 2 points, got 1"),
         (HEADER + "ascii\n1 2 3\n4 5\n", "points: "),

@@ -275,7 +275,7 @@ WRONG_TABLES: dict[str, tuple[str, Callable[[Any], Any], str]] = {
         r"expected sizes above .*, got sizes \[0\. 1\. 1\.\] and",
     ),
     "NUL": ("sample_data", lambda rows: [rows[0] | {"filename": "a\0b"}], "expected a file inside"),
-    "no category": ("category", lambda rows: [{"token": "c"}], "expected a 'name', got none"),
+    "no category": ("category", lambda rows: [{"token": "c"}], "expected the key 'name', got none"),
     "no LiDAR": ("sensor", lambda rows: [], "expected one LiDAR, got none"),
     "no frame": (
         "sample_data",
@@ -505,7 +505,7 @@ def test_a_sequence_of_the_tracking_benchmark_keeps_its_tracks(tmp_path: Path) -
         "Tr_velo_cam 0 -1 0 0 0 0 -1 -0.08 1 0 0 -0.27\nTr_imu_velo 1 0 0 0 0 1 0 0 0 0 1 0\n"
     )
     source, out = tmp_path / "source", tmp_path / "in/pole"
-    with pytest.raises(ValueError, match=r"to select one of the sequences 0000, 0001"):
+    with pytest.raises(ValueError, match=r"expected one of the sequences 0000, 0001"):
         import_recording(source, "kitti", out, FACTS, Options())
     summary, labelled = import_recording(source, "kitti", out, FACTS, Options(channel="0001"))
     assert labelled
@@ -585,7 +585,7 @@ def test_lidars_of_other_tables_need_another_data_set(tmp_path: Path) -> None:
 
 def test_two_files_of_one_frame_are_refused(source: Path, tmp_path: Path) -> None:
     shutil.copy(source / "points/000006.npy", source / "points/000006.bin")
-    with pytest.raises(ValueError, match=r"one file for each frame, got 000006.*, 000006"):
+    with pytest.raises(ValueError, match=r"one file for each frame, got 000006.* and 000006"):
         import_recording(source, "openpcdet", tmp_path / "in/pole", FACTS, Options())
 
 

@@ -289,7 +289,7 @@ def test_keys_fields_and_topics_that_are_not_read_are_named(motorway: Path, tmp_
     [
         ('{"shapes": [], "version": 1}', "got the keys shapes, version; a .csv file"),
         ('[{"points": []}]', "got the keys points; a .csv file"),
-        ("[1]", "got other content"),
+        ("[1]", "got a list of other entries"),
     ],
 )
 def test_unknown_json_is_refused_with_its_keys(content: str, message: str, tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ def tables(
     The tables are `experiments`, `areas`, `replicates`, `ranges` and `distance` (without ground
     truth `common`), and `squares` for a site of lanes. An interrupted training resumes. folder: the
     LiDAR's folder, which has a split. run: folder for the trained detector. Raises the errors of
-    training, detection and evaluation, and Error if no vehicle counts.
+    training, detection and evaluation, and Error if no vehicle is in the subset `captured`.
     """
     seconds = trained(experiment, recipe, folder, run, device)
     detected(run, folder, device)
@@ -76,7 +76,7 @@ def tables(
 
 
 def check_counted(evaluation: Evaluation) -> None:
-    """Raises Error if no vehicle counts, because AP is then undefined."""
+    """Raises Error if no vehicle has a point, because AP is then undefined."""
     rows = evaluation.ap[evaluation.ap.ground_truth == "captured"]
     if not rows.objects.sum():
         raise Error(

@@ -107,7 +107,7 @@ def claim_run(run: Path, inputs: Mapping[str, str]) -> None:
     """Writes the digests of a training's inputs into its folder.
 
     Raises ConfigError if the folder has a training with other inputs. A training of an earlier
-    version has no digests and counts as up to date.
+    version has no digests and is taken as up to date.
     """
     file, text = run / "inputs.txt", "".join(f"{k} {v}\n" for k, v in inputs.items())
     begun = (run / "last.safetensors").exists() and file.exists()

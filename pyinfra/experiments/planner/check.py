@@ -111,7 +111,7 @@ def near_vehicles(found: Found, site: PlanSite, within_m: float) -> BoolArray:
 def standing(
     found: Found, goals: Mapping[str, BoolArray], site: PlanSite, request: Request
 ) -> Standing:
-    """Returns the measured figures of an option. goals: which objects count, by column."""
+    """Returns the measured figures of an option. goals: the objects of each share, by column."""
     objects, near = found.objects, site.is_near(found.objects, request.within_m)
     person = objects.person.to_numpy(bool)
     weight = weighted(objects, near, request.people, request.areas)

@@ -93,7 +93,7 @@ class Choice:
 
 
 def units_of(observed: Observed, setting: Setting) -> Units:
-    """Returns the pairs that stayed in the race as the units of a choice."""
+    """Returns the pairs that the search has not dropped as the units of a choice."""
     stayed, objects = observed.stayed, observed.objects
     probability = detection_probabilities(
         observed.seen, len(stayed), objects, setting.law, setting.request

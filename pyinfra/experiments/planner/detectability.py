@@ -1,4 +1,4 @@
-"""How likely a detector finds an object that a LiDAR sees, and how many false boxes it makes.
+"""The probability that a detector finds an object with points, and its rate of false boxes.
 
 P(found at score s or above) is a logistic function of a few terms of the object's points, and of
 s. False boxes per frame at score s or above are a log-linear function of s and of the number of
@@ -20,7 +20,7 @@ from pyinfra.dataset.frames_version import FIRST
 
 FILE = Path(__file__).with_name("detectability.json")
 CUTS = tuple(round(0.05 + 0.05 * i, 2) for i in range(19))  # scores of the laws
-CUT = 0.5  # score of a box that counts, if no rate of false alarms is asked for
+CUT = 0.5  # minimum score of a box, if the user sets no maximum rate of false boxes
 OBJECT_TERMS = (
     "constant", "log_points", "log_points_2", "log_along", "log_up", "distance", "visibility",
     "large", "small", "speed", "score", "score_log_points",
@@ -39,7 +39,7 @@ class Law:
 
 @dataclass(frozen=True)
 class UnseenErrors:
-    """Standard deviations of the predictions at sites and LiDARs that no fit has seen.
+    """Standard deviations of the predictions at sites and LiDARs that no fit has used.
 
     recall and people are shares (0 to 1), ap is 0 to 100, and log_false is of the natural logarithm
     of the false boxes per frame. The noise of the measured frames is not part of them.
@@ -63,7 +63,7 @@ class Detectability:
     people: Law | None
     unseen: UnseenErrors
     gains: dict[str, float]  # AP that fine-tuning to a LiDAR adds, by LiDAR; those measured only
-    frames_version: str = FIRST  # number of the frames that the laws and the detector learnt from
+    frames_version: str = FIRST  # of the frames that the laws and the detector learnt from
 
 
 def read_detectability(detector: str, file: Path = FILE) -> Detectability:
@@ -157,7 +157,7 @@ def false_per_frame(
 def cut_of(
     coefficients: FloatArray, seen_per_frame: float, most_per_frame: float
 ) -> tuple[float, bool]:
-    """Returns the score above which a box counts, and whether false boxes are as rare as asked.
+    """Returns the minimum score of a box, and whether false boxes are as rare as the user asks.
 
     It is the lowest score with at most this rate of false boxes, or CUT if the rate is unlimited.
     """

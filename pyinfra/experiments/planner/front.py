@@ -46,7 +46,7 @@ CELL_M = 5.0
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Where the vehicles of the plan's frames are, in squares of CELL_M, and who finds them."""
+    """The vehicles of the plan's frames in squares of CELL_M, and which options find them."""
 
     corner_m: FloatArray  # (cells, 2) x, y of the lower left corner
     vehicles: IntArray  # (cells,) number of vehicles in all frames
@@ -117,7 +117,7 @@ def with_bound(one: Choice, best: Sequence[Choice], units: Units, request: Reque
 
 
 def undominated(options: Sequence[Choice], units: Units) -> list[Choice]:
-    """Returns the options that no other one beats, with their poles and LiDARs or fewer."""
+    """Returns the options that no other option with as many poles and LiDARs or fewer dominates."""
     rows = [
         (one.price.middle, -one.value, len(units.poles(one.units)), {*units.names(one.units)}, one)
         for one in options

@@ -1,4 +1,4 @@
-"""What each pose and LiDAR sees of the objects of a site, without writing a cloud.
+"""Observations of the objects of a site by each pose and LiDAR, without writing point clouds.
 
 An observation is one object in one frame with at least one point: its points and their extents,
 its distance from the LiDAR and its visible share. Only rays that may meet an object are cast.
@@ -45,7 +45,7 @@ class Objects:
     """The objects of some frames, in the order of `PlanSite.present`, and their weights."""
 
     table: pd.DataFrame
-    weight: FloatArray  # (n,) 0 for an object that does not count
+    weight: FloatArray  # (n,) 0 for an object that the choice does not include
     near: BoolArray  # (n,) whether it lies within the distance of the request
     frame: IntArray  # (n,) index of the frame
     frames: int  # number of frames, with those that have no object
@@ -63,7 +63,7 @@ class Objects:
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """Pairs of pose and LiDAR, and what those that were not left out see."""
+    """Pairs of pose and LiDAR, and the observations of those that were not left out."""
 
     pairs: pd.DataFrame  # pose, lidar, frames, recall, left_out
     seen: pd.DataFrame  # observations of the pairs that stayed, with `pair` and `object`
@@ -85,7 +85,7 @@ def weighted_objects(site: PlanSite, request: Request, frames: Sequence[int]) ->
 
 
 def check_site(site: PlanSite, request: Request, check_frames: int, *, drawn: bool) -> None:
-    """Raises Error if no object counts. drawn: whether the areas are those of the user."""
+    """Raises Error if no object has a weight. drawn: whether the areas are those of the user."""
     if drawn:
         check_on_roads(request.areas, site.roads)
     objects = weighted_objects(site, request, site.frames)

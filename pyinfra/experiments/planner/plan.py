@@ -152,7 +152,7 @@ def plan(
     scene : name or file of a scene, or a folder of `pyinfra site import`
     budget_usd : highest price over the years, in US dollars
     find : wanted share of the vehicles that are found in a frame, 0 to 1
-    within_m : distance from the centre of the site within which objects count
+    within_m : distance from the centre of the site within which objects are included
     false_per_minute : most false boxes a minute; by default boxes of score 0.5 or more count
     poles, lidars_per_pole : most poles, and most LiDARs on one pole
     lidars : names or files of LiDARs; by default all of the catalogue
@@ -232,13 +232,13 @@ def plan(
     if folder is not None:
         keep_request(folder, setting, table)
 
-    # Observe what all pairs of pose and LiDAR see, and race them.
+    # Observe each pair of pose and LiDAR in a few frames, and drop the worse pairs in stages.
     raced = race(setting, allowed)
 
     # Choose, and check the best options in full.
     compared, found = check(setting, choose(setting, raced))
 
-    # What changes the choice, what the first option finds then, and what it counts.
+    # What changes the choice, what the first option finds then, and which passages it counts.
     parts = parts_of(compared.first, compared, setting)
     moves, in_rain = moves_of(compared, request), recall_in_rain(compared, setting)
     rows = list(computed_rows(compared, moves, in_rain[:1]))

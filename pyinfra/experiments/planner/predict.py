@@ -51,10 +51,10 @@ class Prediction:
     """What an option finds by the detectability."""
 
     standing: Standing
-    areas: dict[str, Interval]  # share of the objects that count in each area of the request
+    areas: dict[str, Interval]  # share of the objects in each area of the request that is found
     false_per_frame: Interval
     keeps_false: bool  # whether the asked rate of false boxes can be kept at any score
-    cut: float  # score above which a box counts
+    cut: float  # minimum score of a box
     probability: FloatArray  # (objects,) probability that the option finds each object
 
 
@@ -104,7 +104,7 @@ def predict(
     objects, names = observed.objects, dict.fromkeys(area.name for area in request.areas)
     person = objects.table.person.to_numpy(bool)
     of_vehicles = _seen(observed, units, ~person)
-    # The detector runs on the fused points, so that what several units see counts once.
+    # The detector runs on the fused points, so that an object that several units see is one object.
     every = {number for one in of_vehicles for number in one.object.tolist()}
     per_frame = len(every) / max(objects.frames, 1)
     cut, keeps = cut_of(law.vehicles.false[0], per_frame, request.most_false)
@@ -125,7 +125,7 @@ def predict(
     false = Interval(rate, rate / factor, rate * factor)  # symmetric in the logarithm
     standing = Standing(
         recall=share(objects.near_vehicles),
-        people=share(objects.near & person),  # even if they do not count in the choice
+        people=share(objects.near & person),  # even if they have no weight in the choice
         shares={name: share(counted) for name, counted in more.items()},
         weighted=float(probability[:, 0] @ objects.weight / objects.total),
         # If no score keeps false boxes as rare as asked, none makes them rarer than predicted.

@@ -42,7 +42,7 @@ AREA_COLUMNS = ("name", "x_m", "y_m", "radius_m")
 
 @dataclass(frozen=True)
 class Area:
-    """A disc in the world frame, the objects that count in it, and their weight."""
+    """A disc in the world frame, the objects that it includes, and their weight."""
 
     name: str
     x_m: float
@@ -61,11 +61,11 @@ class Area:
 
 @dataclass(frozen=True)
 class Request:
-    """The requirements of a plan, and the effort of its race."""
+    """The requirements of a plan, and how many poses and frames its search observes."""
 
     budget_usd: float
     find: float = 0.9  # share of the objects to be found in a frame, 0 to 1
-    within_m: float = 60.0  # distance from the centre of the site within which objects count
+    within_m: float = 60.0  # distance from the centre of the site within which objects are included
     false_per_minute: float = math.inf  # most false boxes a minute; infinite: score 0.5
     poles: int = 1  # most poles
     lidars_per_pole: int = 1  # most LiDARs on a pole
@@ -96,7 +96,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Effort:
-    """What a plan computes beyond its race, and how."""
+    """What a plan computes after its search, and how."""
 
     check_frames: int = 30  # frames in which the best options are simulated in full; 0 for none
     count: float | None = None  # share of the passages that option 1 must count; None: no count
@@ -189,7 +189,7 @@ def with_objects(
 
 
 def masks_of(goals: Sequence[Goal]) -> dict[str, BoolArray]:
-    """Returns which objects count for each goal, by its column."""
+    """Returns which objects each goal includes, by its column."""
     return {one.column: one.counted for one in goals}
 
 
@@ -259,7 +259,7 @@ def crossings_of(folder: Path, weight: float) -> tuple[Area, ...]:
 
 
 def of_name(areas: tuple[Area, ...], name: str, objects: pd.DataFrame) -> BoolArray:
-    """Returns which objects count in the areas of a name: (n,)."""
+    """Returns which objects the areas of a name include: (n,)."""
     return np.asarray(np.any([one.holds(objects) for one in areas if one.name == name], axis=0))
 
 

@@ -73,7 +73,7 @@ class Case:
     scene: Mapping[str, object] = field(default_factory=dict)
     lost: int | None = None  # number of a LiDAR that fails
     yaw_error_deg: float = 0.0
-    without: tuple[float, float] | None = None  # x y; objects within LORRY_M of it do not count
+    without: tuple[float, float] | None = None  # x y; objects within LORRY_M of it are left out
 
 
 def cases_of(site: PlanSite, parts: Parts) -> list[Case]:
@@ -106,7 +106,7 @@ def cases_of(site: PlanSite, parts: Parts) -> list[Case]:
 def standing_lorry(site: PlanSite, mast: FloatArray) -> Case:
     """Returns the case of a lorry that stands in the lane between a mast (x y) and the centre.
 
-    The lorry is a static box. Vehicles near it do not count, because recorded traffic drives
+    The lorry is a static box. Vehicles near it are left out, because recorded traffic drives
     through it.
     """
     middle = (mast + site.centre) / 2
@@ -240,7 +240,7 @@ def simulated_rows(
 
 
 def away_from(found: Found, at: tuple[float, float] | None) -> Found:
-    """Returns what was found without the objects within LORRY_M of a place."""
+    """Returns the found objects without those within LORRY_M of a place."""
     if at is None:
         return found
     away = np.hypot(found.objects.x - at[0], found.objects.y - at[1])

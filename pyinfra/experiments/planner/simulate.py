@@ -1,8 +1,8 @@
-"""Simulates options of a plan in full: what a detector finds, and what tracks of it count.
+"""Simulates options of a plan in full: what a detector finds, and which passages its tracks count.
 
 The frames are of traffic that neither the choice nor the predictions have used: of three further
 traffic seeds or, for recorded traffic, of its last third. Several LiDARs are fused. Every pose has
-the evaluation region of the site's mount, so that the same objects count for all.
+the evaluation region of the site's mount, so that the same objects are included for all options.
 
 A share of vehicles that are found in a frame says little about counts: a vehicle that is missed in
 some frames is counted if its track continues. For counts, an option is simulated without gaps.
@@ -92,7 +92,7 @@ def simulate_option(
     for seed, numbers in traffic or traffic_of(site, frames):
         alone = [frames_at(site, *part, numbers, seed=seed, scene=scene) for part in parts]
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", ".* used on frames")  # the answer says it once
+            warnings.filterwarnings("ignore", ".* used on frames")  # the answer states it once
             result = measure_frames(fused(alone, yaw_error_deg), detector, replicates)
         at = {number: start + k for k, number in enumerate(sorted(numbers))}
         start += len(numbers)
@@ -115,7 +115,7 @@ def simulate_option(
 
 
 def _objects(result: Evaluation, cut: float) -> pd.DataFrame:
-    """Returns the objects that count: frame, person, x, y (world frame), found, away."""
+    """Returns the objects of the shares: frame, person, x, y (world frame), found, away."""
     vehicles, numbers = result.truth.vehicles, np.array(result.truth.frames)
     xy = vehicles.boxes[:, :2]
     truth = pd.DataFrame(
@@ -252,7 +252,7 @@ def count_option(site: PlanSite, parts: Parts, detector: str, seconds: float = S
     except Error:
         return Counting(frames * site.period_s, 0, 0, 0, math.nan, has_lines=False)
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", ".* used on frames")  # the answer says it once
+        warnings.filterwarnings("ignore", ".* used on frames")  # the answer states it once
         tracks = track(detect(detector_for(sequence, detector), sequence), sequence)
     result = evaluate_tracks(sequence, tracks, within_m=WITHIN_M, lines=lines)
     extra = int((result.passages.true_id < 0).sum())

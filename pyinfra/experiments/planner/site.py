@@ -1,4 +1,4 @@
-"""The site of a plan: its roads, the objects that count, and the frames that are observed."""
+"""The site of a plan: its roads, its weighted objects, and the frames that are observed."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What decides about the options of a plan: one share with its interval, and what follows from it.
+"""The verdict on the options of a plan, which follows from one share and its interval.
 
 The share is measured where an option was simulated in full, and predicted elsewhere. Verdict,
 order, tables, page and sentences all use it.
@@ -20,7 +20,7 @@ LISTED = 3  # options that are described in full
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """The options of a plan, the chosen one first, and what decides about them."""
+    """The options of a plan, the chosen one first, and the figures on which the verdict rests."""
 
     options: Sequence[Choice]
     best: Sequence[Choice]  # those of this request; the others are best for other settings
@@ -29,7 +29,7 @@ class Compared:
     goals: tuple[Goal, ...]  # with the objects of `unseen`
     standings: Standings
     predicted: Callable[[tuple[int, ...]], Prediction]
-    unseen: Observed  # what is seen in other traffic than that of the choice
+    unseen: Observed  # observations in traffic other than that of the choice
 
     @property
     def first(self) -> Choice:
@@ -84,7 +84,7 @@ def in_order(options: Sequence[Choice], standings: Standings, request: Request) 
 
 
 def _beats(one: Choice, other: Choice, standings: Standings) -> bool:
-    """Returns whether an option is cheaper than another and finds as much, both simulated."""
+    """Returns whether an option is cheaper and finds no less; both must be simulated."""
     a, b = standings[one.units], standings[other.units]
     return (
         a.source == b.source == SIMULATED

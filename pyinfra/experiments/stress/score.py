@@ -50,7 +50,7 @@ def scored(
 ) -> tuple[dict[str, float], pd.DataFrame]:
     """Returns the values of COLUMNS for detections, and the bootstrap replicates of their AP.
 
-    detections: one element for each frame of `truth`. types: KITTI types that count as vehicle. AP
+    detections: one element for each frame of `truth`. types: KITTI types that are vehicles. AP
     is AP (R1000). A value is NaN if nothing can be measured. Columns forgiven_* are the gain in AP
     when errors of this kind are corrected.
     """

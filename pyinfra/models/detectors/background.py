@@ -167,7 +167,7 @@ class Background:
     def save(self, file: Path, frames_version: str = "") -> None:
         """Writes the arrays as a .npz file of NumPy.
 
-        frames_version: number of the frames of the model; empty if they were recorded.
+        frames_version: that of the frames of the model; empty if they were recorded.
         """
         with replacing(file) as beside, beside.open("wb") as stream:
             np.savez_compressed(

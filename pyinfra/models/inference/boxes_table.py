@@ -199,8 +199,8 @@ def detect(
     which inputs were used.
 
     The function warns if the road in the clouds is not `height_m` below the sensor. It also warns
-    if a trained network has no region, if it was learnt from frames of another number, and if the
-    frames are too short for `drop_standing`.
+    if a trained network has no region, if it was learnt from frames of a different frames_version,
+    and if the frames are too short for `drop_standing`.
 
     Parameters
     ----------

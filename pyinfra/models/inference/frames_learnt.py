@@ -1,4 +1,4 @@
-"""The number of the frames that a model was learnt from, and a warning for frames of others."""
+"""The frames_version of the frames that a model was learnt from, and a warning for others."""
 
 from pathlib import Path
 
@@ -12,9 +12,8 @@ from pyinfra.models.training.provenance import read_provenance
 def learnt_from(model: Path) -> str:
     """Returns the frames_version of the frames that a model was learnt from.
 
-    The text is empty if they were recorded. Several numbers are separated by blanks. A file of a
-    version that did not write the number was learnt from frames 3. Raises the errors of
-    checkpoint.load.
+    The text is empty if they were recorded. Several values are separated by blanks. If the file does
+    not state the value, it is 3. Raises the errors of checkpoint.load.
     """
     if model.suffix != ".npz":
         return read_provenance(model).frames_version
@@ -23,9 +22,9 @@ def learnt_from(model: Path) -> str:
 
 
 def frames_warning(model: Path, used: str) -> str:
-    """Returns a warning if a model was not learnt from frames of the number `used`.
+    """Returns a warning if a model was not learnt from frames of the frames_version `used`.
 
-    The text is empty if it was, and for recorded frames, whose number is empty.
+    The text is empty if it was, and for recorded frames, whose frames_version is empty.
     """
     return other_frames(model_name(model), learnt_from(model), used)
 

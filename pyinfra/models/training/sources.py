@@ -59,7 +59,7 @@ class Source:
     classes: tuple[ObjectClass, ...] = VEHICLES  # classes of the boxes
     # (k,) class numbers of the boxes in each frame; if empty, all boxes are of the first class
     read_classes: Callable[[], tuple[IntArray, ...]] = tuple
-    frames_version: str = ""  # number of the frames; empty if they were recorded
+    frames_version: str = ""  # of the frames; empty if they were recorded
 
 
 @dataclass(frozen=True, eq=False)
