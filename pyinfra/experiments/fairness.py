@@ -1,4 +1,4 @@
-"""The AP that fine-tuning adds to the pretrained detector for each LiDAR, which differs."""
+"""The AP that fine-tuning adds to the pretrained detector, which differs between LiDARs."""
 
 from collections.abc import Iterable, Mapping
 
@@ -12,7 +12,7 @@ def measured_gains() -> dict[str, float]:
 
 
 def caveat(lidars: Iterable[str], gains: Mapping[str, float]) -> str:
-    """Returns by how much a ranking of LiDARs by the pretrained detector is unfair to them.
+    """Returns a remark that the pretrained detector is not equally good for all LiDARs.
 
     gains: AP that fine-tuning adds, by LiDAR, of those that were measured. Without any, the text is
     empty.

@@ -73,7 +73,7 @@ class Option:
     )  # bootstrap replicates of ap_whole; None in tables of earlier versions
     range_m: float = math.nan  # range within which AP was computed; NaN: the whole region
     recall: Interval = UNKNOWN  # percent of all vehicles within range_m, predictions of any score
-    covered_in: str = ROAD  # what covered_m and road_m count
+    covered_in: str = ROAD  # what covered_m and road_m measure
     no_interval: str = ""  # why covered_m has no interval
     frame_ms: float = FRAME_MS  # frame period of the LiDAR
     ap_name: str = AP_R1000  # name of the AP measure; in tables of version 0.2 it is AP (R40)

@@ -12,8 +12,8 @@ from pyinfra.models.training.provenance import read_provenance
 def learnt_from(model: Path) -> str:
     """Returns the frames_version of the frames that a model was learnt from.
 
-    The text is empty if they were recorded. Several values are separated by blanks. If the file does
-    not state the value, it is 3. Raises the errors of checkpoint.load.
+    The text is empty if they were recorded. Several values are separated by blanks. The value is 3
+    if the file does not state it. Raises the errors of checkpoint.load.
     """
     if model.suffix != ".npz":
         return read_provenance(model).frames_version

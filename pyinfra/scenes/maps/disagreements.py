@@ -6,7 +6,7 @@ from pyinfra.scenes.maps.lane_map import MapLane
 from pyinfra.scenes.maps.surfaces import paved_points
 
 CELL_M = 0.5  # side of the square cells in which heights of lanes are compared
-# Minimum height difference of an error. A steep road rises less within a cell.
+# Smallest height difference that is reported as an error. Even a steep road rises less in a cell.
 LEAST_M = 0.1
 BRIDGE_M = 2.0  # if the height difference is at least this, one lane is a bridge over the other
 

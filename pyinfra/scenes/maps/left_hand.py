@@ -1,4 +1,4 @@
-"""Converts OpenDRIVE maps with left-hand traffic with netconvert, which takes all for right-hand.
+"""Converts OpenDRIVE maps with left-hand traffic by netconvert, which assumes right-hand traffic.
 
 The map is mirrored at the x axis, so that vehicles drive on the right, and netconvert's network is
 mirrored back. Lanes on the left of a reference line, with positive ids, become those on the right.
