@@ -35,7 +35,7 @@ def read_las(file: Path) -> Records:
     """
     _check_counts(file)
     try:
-        # The parallel decompressor allocates as much as a damaged table states, and ends the process.
+        # The parallel decompressor allocates what a damaged table states, and ends the process.
         with laspy.open(file, laz_backend=laspy.LazBackend.Lazrs) as stream:
             count = stream.header.point_count
             most = min(MOST_POINTS, RATIO * file.stat().st_size // LEAST_POINT_BYTES)

@@ -28,7 +28,7 @@ _RISE = 5  # frames before and after a frame, over which the true speed is measu
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrackEvaluation(Presented):
-    """Measures of tracks. Vehicles count that are visible and within `within_m` of the sensor.
+    """Measures of the tracks of vehicles that are visible and within `within_m` of the sensor.
 
     Attributes
     ----------

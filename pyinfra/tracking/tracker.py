@@ -180,7 +180,7 @@ class Tracker:
         course = np.arctan2(t.state[track, 3], t.state[track, 2])
         agrees = np.cos(course - t.heading[track])
         fast = t.speed()[track] > MOVES_M_S
-        # Votes for the present direction: of the boxes, and of the motion, which counts more.
+        # Votes for the present direction: of the boxes, and of the motion, which has more weight.
         t.ahead[track] += np.where(flipped, -1, 1) * boxes.scores + np.where(fast, 3 * agrees, 0)
         t.ahead[track] = np.clip(t.ahead[track], -20, 20)
         back = track[t.ahead[track] < 0]
@@ -222,7 +222,7 @@ class Tracker:
 
 
 def evidence(scores: FloatArray) -> FloatArray:
-    """Returns the log odds of calibrated scores. One box counts little, whatever its score."""
+    """Returns the log odds of calibrated scores. One box adds little, whatever its score."""
     return np.asarray(np.clip(logit(np.clip(scores, 0.01, 0.99)), -1.5, 1.5))
 
 

@@ -265,7 +265,7 @@ def test_links_bridge_a_lost_frame_and_never_join_two_classes() -> None:
 
 BROKEN = {
     "empty": ("", ":1: expected different column names, got an empty file"),
-    "no rows": (data.HEADER, "expected a row, got none"),
+    "no rows": (data.HEADER, "expected one or more rows, got none"),
     "no column": (
         "t,id,class,x,y\n0,1,Car,1,1\n",
         "expected a column 'heading', got the columns t, id, class, x, y; --columns maps",
@@ -299,11 +299,11 @@ BROKEN = {
     ),
     "two classes": (
         data.HEADER + GOOD.replace("Car", "Bus", 9),
-        "expected one class for each object, got two for object 'a'",
+        "expected one class for each object, got ... for object 'a'",
     ),
     "too short": (
         data.HEADER + data.csv(data.drive(0.5)),
-        "expected a usable track, got none",
+        "expected one or more usable tracks, got none",
     ),
     "bytes": ("\0\1\2\n", ":1: expected a column 'x'"),
 }

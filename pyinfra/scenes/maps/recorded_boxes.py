@@ -178,7 +178,7 @@ def _class(file: Path, row: int, name: str, how: BoxColumns) -> str:
     if ours not in CLASSES:
         raise FormatError(
             f"{file}:{row + 2}: class: expected one of {', '.join(CLASSES)}; got '{name[:40]}'; "
-            f"`class_of` maps this name to a class, such as {shlex.quote(f'{name}=Car')}"
+            f"to map it to a class, use for example `class_of` {shlex.quote(f'{name}=Car')}"
         )
     return ours
 

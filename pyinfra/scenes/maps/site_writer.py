@@ -18,8 +18,8 @@ from pyinfra.scenes.maps.site_folder import SCENE
 from pyinfra.scenes.maps.surfaces import Sheet
 
 CLEARANCE_M = 4.5  # height above a lane that vehicles need, as in the rules of scenes
-# Up to this distance of a tree's foot from a lane, the crown (default: 5 m wide) or the trunk of the
-# tree overlaps the lane. The rules of scenes use square outlines of crowns.
+# Up to this distance of a tree's foot from a lane, the crown (default: 5 m wide) or the trunk
+# overlaps the lane. The rules of scenes use square outlines of crowns.
 CROWN_M, TRUNK_M = 2.5 * 2**0.5, 0.3
 # Material of each mesh. A mesh that is not listed has the material of its own name.
 MATERIALS = {"buildings": "structure"}

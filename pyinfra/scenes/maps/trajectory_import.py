@@ -112,7 +112,7 @@ def _classes(
         first, name = next(iter(unknown.items()))
         raise FormatError(
             f"object '{name[:40]}': expected one of the types {', '.join(_SUMO_TYPES)}; got type "
-            f"'{first[:40]}'; `class_of` maps this type to a class, such as {hint}"
+            f"'{first[:40]}'; to map it to a class, use for example `class_of` {hint}"
         )
     return class_of
 
