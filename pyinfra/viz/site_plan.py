@@ -175,7 +175,8 @@ def read_features(folder: Path) -> dict[str, FloatArray]:
         }
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise MapError(
-            f"{file}: features: expected for each kind a list of x_m and y_m, got {error!r}"
+            f"{file}: features: expected for each kind a list of x_m and y_m, got a missing or "
+            f"wrong value: {error}"
         ) from error
 
 

@@ -153,7 +153,7 @@ def test_a_working_folder_holds_frames_of_one_number(tmp_path: Path) -> None:
     (tmp_path / "new/frames").mkdir()
     work_folder(str(tmp_path / "new"))
     (tmp_path / "old/frames").mkdir(parents=True)
-    with pytest.raises(argparse.ArgumentTypeError, match=f"frames_version {NOW}, got frames_version 3"):
+    with pytest.raises(argparse.ArgumentTypeError, match=rf"frames_version {NOW}, got .* 3"):
         work_folder(str(tmp_path / "old"))
 
 

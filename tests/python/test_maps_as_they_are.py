@@ -191,7 +191,7 @@ def test_a_lanelet2_map_without_borders_is_refused(tmp_path: Path) -> None:
         '<osm version="0.6"><node id="1" lat="49" lon="8"/><way id="2"><nd ref="1"/></way>'
         '<relation id="3"><tag k="type" v="lanelet"/></relation></osm>'
     )
-    with pytest.raises(Error, match="expected a lanelet with two borders"):
+    with pytest.raises(Error, match="expected one or more lanelets with two borders"):
         import_map(file, tmp_path / "site")
 
 

@@ -70,14 +70,14 @@ MISTAKES = {
     "unknown column of poses": ("small.yaml", "--poses column.csv",
         ["column.csv:1: ", "'yaw'", "did you mean 'yaw_deg'"]),
     "height above the road in poses": ("small.yaml", "--poses height.csv",
-        ["height.csv:1: expected z_m"]),
+        ["height.csv:1: expected the column z_m"]),
     "pose that is no number": ("small.yaml", "--poses nan.csv", ["nan.csv:3: y_m"]),
     "pose twice": ("small.yaml", "--poses twice.csv", ["twice.csv:3: existing"]),
     "position twice": ("small.yaml", "--poses mast.csv", ["mast.csv:3: existing"]),
     "pose below the ground": ("small.yaml", "--poses low.csv",
-        ["--poses: ", "below the ground", "free is (-14.0, 9.5) at z_m 5.0"]),
-    "pose in a lane": ("small.yaml", "--poses lane.csv", ["--poses: ", "free is ("]),
-    "pose in a house": ("house.yaml", "--poses inside.csv", ["inside a building", "free is ("]),
+        ["--poses: ", "below the ground", "use (-14.0, 9.5) at z_m 5.0"]),
+    "pose in a lane": ("small.yaml", "--poses lane.csv", ["--poses: ", "use ("]),
+    "pose in a house": ("house.yaml", "--poses inside.csv", ["inside a building", "use ("]),
     # areas
     "unknown class of an area": ("small.yaml", "--areas class.csv",
         ["class.csv:2: class: expected vehicle, person, any, got 'pedestrian'"]),
@@ -169,7 +169,7 @@ def test_another_plan_is_not_replaced(folder: Path, tmp_path: Path) -> None:
     scene, out = folder / "small.yaml", tmp_path / "out"
     pi.plan(scene, 9000, out=out, **TINY)
     before = {file: file.read_bytes() for file in out.glob("*.*")}
-    with pytest.raises(pi.Error, match=r"out: .*budget_usd 9000\S*, now 8000"):
+    with pytest.raises(pi.Error, match=r"out: .*budget_usd was 9000\S*, is now 8000"):
         pi.plan(scene, 8000, out=out, **TINY)
     assert {file: file.read_bytes() for file in out.glob("*.*")} == before
 

@@ -180,8 +180,8 @@ def test_report_writes_the_same_page_again(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--budget", "9000"], "--budget: expected a benchmark's results"),
-        (["--tier", "quick"], "--tier: expected a benchmark's results"),
+        (["--budget", "9000"], "--budget: expected the results of a benchmark"),
+        (["--tier", "quick"], "--tier: expected the results of a benchmark"),
     ],
 )
 def test_report_refuses_options_of_benchmarks_for_a_plan(

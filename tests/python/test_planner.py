@@ -370,7 +370,7 @@ def test_wrong_requests_say_what_works(change: dict[str, object], message: str) 
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ("x_m,y_m\n-30,5\n", r"poses: expected a pose that is free.*lane.*, free is \(-"),
+        ("x_m,y_m\n-30,5\n", r"poses: expected one or more possible poses.*lane.*, use \(-"),
         ("x_m\n0\n", "expected the column y_m"),
         ("x_m,y_m\n", "expected one pose or more"),
         ("x_m,y_m,existing\n-14,9.5,maybe\n", r":2: existing: expected yes or no"),
@@ -391,7 +391,7 @@ def test_a_mast_inside_a_house_is_refused_with_a_place_outside(tmp_path: Path) -
     scene.write_text(scene_file("crossroad").read_text() + f"buildings: [{house}]\n")
     file = tmp_path / "poses.csv"
     file.write_text("x_m,y_m,z_m\n-30,23,5\n")
-    with pytest.raises(pi.Error, match=r"inside a building.*, free is \(-3"):
+    with pytest.raises(pi.Error, match=r"inside a building.*, use \(-3"):
         pi.plan(scene, 9000, lidars=["helios_16"], poses=file, frames=6)
     site = open_site(scene, 1)
     walls = make_candidates(site, 60, pi.PoseGrid(every_m=5, heights_m=(6,)))

@@ -215,7 +215,7 @@ def test_a_name_is_text_and_never_markup(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("file", "text", "expected"),
     [
-        ("stress.csv", "detector\na\n", "stress.csv:1: expected detector, run, "),
+        ("stress.csv", "detector\na\n", "stress.csv:1: expected the columns detector, run, "),
         (
             "quick_hits.csv",
             "scene,lidar,preset,frames,hits_per_frame\nh,a,paper,1,2\nh,a,paper,1,many\n",
@@ -239,8 +239,8 @@ def test_a_wrong_table_is_reported_in_one_line(
 @pytest.mark.parametrize(
     ("words", "code", "expected"),
     [
-        ([], 2, "expected a table of results, got none"),
-        (["--tier", "full"], 2, "full.csv: expected the table of a finished tier, got none"),
+        ([], 2, "expected tables of `pyinfra benchmark`, got none"),
+        (["--tier", "full"], 2, "full.csv: expected one or more finished experiments, got none"),
         (["--data", "nowhere"], 1, "nowhere: The folder has no dataset.yaml"),
         (["--runs", "nowhere"], 1, "nowhere: expected a subfolder predictions, got none"),
     ],
@@ -423,7 +423,7 @@ def test_a_module_of_sections_takes_the_place_of_the_usual(
             )
             == 2
         )
-        assert f"got {wrong}" in capsys.readouterr().err
+        assert f"got '{wrong}'" in capsys.readouterr().err
 
 
 def test_every_reference_in_a_figure_leads_to_an_id_of_this_figure() -> None:

@@ -97,7 +97,7 @@ def _written(file: Path, data: str | bytes) -> Path:
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 BROKEN = {
-    "empty": ("a.obj", "", "got 0 bytes"),
+    "empty": ("a.obj", "", "got an empty file"),
     "no faces": ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "a.obj: "),
     "not a number": ("a.obj", TRIANGLE.replace("v 1 0 0", "v nan 0 0"), "vertex "),
     "infinite": ("a.obj", TRIANGLE.replace("v 1 0 0", "v inf 0 0"), "vertex "),
@@ -109,7 +109,7 @@ BROKEN = {
     "far": ("a.obj", TRIANGLE.replace("v ", "v 40000"), "--offset moves the mesh"),
     "cut": ("a.glb", b"glTF\x02\x00\x00\x00", "cannot be read as a mesh"),
     "bytes": ("a.stl", b"\x00\xff" * 100, "a.stl: "),
-    "another ending": ("a.fbx", TRIANGLE, "got another ending"),
+    "another ending": ("a.fbx", TRIANGLE, "got '.fbx'"),
     "not JSON": ("a.gltf", "{", "cannot be read as a mesh"),
 }  # fmt: skip
 

@@ -781,7 +781,9 @@ def test_a_run_of_another_lidar_is_one_line(
 ) -> None:
     run = untrained(tmp_path / "run", 800, "ruby_plus")
     assert main.main(["stress", str(data), "--model", str(run), "--out", str(tmp_path)]) == 2
-    assert capsys.readouterr().err.endswith("lidar: expected helios_16, got ruby_plus\n")
+    assert capsys.readouterr().err.endswith(
+        "lidar: expected a model trained on helios_16, got a model trained on ruby_plus\n"
+    )
 
 
 def test_the_own_lidar_scene_and_preset_are_no_stress(base: altered_scenes.Base) -> None:
@@ -843,7 +845,7 @@ def test_wrong_folders_are_one_line(
     assert main.main(command(background, tmp_path / "two", tmp_path / "out")) == 2
     assert "expected the folder of one LiDAR, got a data set with " in capsys.readouterr().err
     assert main.main(command(tmp_path, data, tmp_path)) == 1
-    assert "No last.safetensors or background.npz in it" in capsys.readouterr().err
+    assert "The folder has no last.safetensors or background.npz" in capsys.readouterr().err
     (tmp_path / "stress.csv").write_text("a,b\n1,2\n")
     assert main.main(command(background, data, tmp_path)) == 2
     assert (

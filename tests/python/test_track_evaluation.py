@@ -265,7 +265,7 @@ def test_other_formats_have_the_same_tracks(tmp_path: Path) -> None:
         for number, item in frame["objects"].items()
     ]
     np.testing.assert_allclose(cuboids, tracks[["id", "x", "y", "z"]])
-    with pytest.raises(Error, match=r"expected \.csv"):
+    with pytest.raises(Error, match=r"ends in \.csv"):
         pi.export_tracks(tracks, tmp_path / "a.xml", lidar="lidar")
 
 

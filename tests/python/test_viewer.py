@@ -288,7 +288,7 @@ def test_a_run_of_the_simulator_has_time_and_objects(
         ("--lidar three", "--lidar: expected one of one, two; got 'three'"),
         ("--pred there", "--pred: expected LIDAR=DIR with LIDAR one of one, two; got 'there'"),
         ("--pred one=there one=here", "--pred: expected .*, got a second for one: 'one=here'"),
-        ("--pred three=there", "--pred: expected LIDAR=DIR .*, got 'three=there'"),
+        ("--pred three=there", "--pred: expected LIDAR=DIR .*; got 'three=there'"),
         ("DATA/one", "expected each LiDAR once, got DATA/one, DATA/two, DATA/one"),
         ("--max-points 0", "--max-points: expected 1 or more, got 0"),
     ],

@@ -196,18 +196,18 @@ def with_faults(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:
 
 
 def feasible(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:
-    """Returns the poses without a fault. Raises Error, with the nearest free place, without any."""
+    """Returns the poses without a fault. If there is none, raises Error with the nearest one."""
     free = poses[poses.fault == ""].reset_index(drop=True)
     if free.empty:
         reasons = poses.fault.value_counts()
         pose = poses.iloc[0]
-        near = "no pose near it is possible"
+        near = f"no pose near ({pose.x_m:g}, {pose.y_m:g}) is possible"
         if place := nearest_free(site, pose[POSE].to_numpy(float)):
-            near = f"({place[0]:.1f}, {place[1]:.1f}) at z_m {place[2]:.1f} is possible"
+            near = f"instead of ({pose.x_m:g}, {pose.y_m:g}), use ({place[0]:.1f}, {place[1]:.1f}) "
+            near += f"at z_m {place[2]:.1f}"
         raise Error(
-            f"poses: expected one or more possible poses, got {len(poses)} poses that are not "
-            f"possible; the reason for {reasons.iloc[0]} of them is {reasons.index[0]}; instead of "
-            f"({pose.x_m:g}, {pose.y_m:g}), {near}"
+            f"poses: expected one or more possible poses, got {len(poses)} impossible poses; "
+            f"{reasons.iloc[0]} of them: {reasons.index[0]}; {near}"
         )
     return free
 

@@ -254,7 +254,8 @@ def crossings_of(folder: Path, weight: float) -> tuple[Area, ...]:
         )
     except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise FormatError(
-            f"{file}: features: expected for each kind a list of x_m and y_m, got {error!r}"
+            f"{file}: features: expected for each kind a list of x_m and y_m, got a missing or "
+            f"wrong value: {error}"
         ) from error
 
 

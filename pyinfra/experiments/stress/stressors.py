@@ -211,6 +211,6 @@ def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Se
     if words is None:
         return {stressor: stressor.severities[1:] for stressor in selected}
     if len(selected) != 1 or selected[0].acts_on == "training":
-        text = "severities: expected one stressor, which acts on clouds or scenes, got "
+        text = "severities: expected one stressor that acts on clouds or scenes, got "
         raise Error(text + (", ".join(stressor.name for stressor in selected) or "none"))
     return {selected[0]: selected[0].parse(words)}

@@ -62,7 +62,7 @@ def _vertices(file: Path, content: Mapping[str, Any]) -> FloatArray:
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise FormatError(
             f"{file}: vertices, transform: expected vertices of three numbers, and scale and "
-            f"translate of three numbers, got {error!r}"
+            f"translate of three numbers, got a missing or wrong value: {error}"
         ) from None
     near = (np.abs(vertices) <= MOST_M).all(axis=1)  # false for NaN
     if not near.all():
