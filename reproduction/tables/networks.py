@@ -50,7 +50,7 @@ def generalist_sites() -> str:
             f"{right / totals.objects:.2f}",
         )
         rows.append([str(lidar), str(group.site.nunique()), f"{totals.objects:.0f}", *shares])
-    heads = ["precision", "80 % of the sites", "predicted precision", "recall"]
+    heads = ["precision", "range at 80 % of the sites", "predicted precision", "recall"]
     return markdown(["LiDAR", "sites", "vehicles", *heads], rows)
 
 
@@ -72,8 +72,8 @@ def generalist_classes() -> str:
         shares = (f"{v:.2f}" for v in (right / boxes, predicted / boxes, right / objects))
         close = f"{100 * (off <= 0.05).mean():.0f} % of {len(sites)}"
         rows.append([str(name), f"{objects:.0f}", f"{boxes:.0f}", *shares, close])
-    heads = ["class", "objects", "boxes", "precision", "predicted", "recall", "sites within 0.05"]
-    return markdown(heads, rows)
+    heads = ["class", "objects", "boxes", "precision", "predicted precision", "recall"]
+    return markdown([*heads, "sites with an error up to 0.05"], rows)
 
 
 def generalist() -> str:

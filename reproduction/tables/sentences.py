@@ -71,12 +71,13 @@ def where(rows: pd.DataFrame, word: str = "and") -> str:
     word: "or" for a sentence with "not"
     """
     every = {"and": "in all three scenes", "or": "in any of the three scenes"}[word]
-    parts = []
+    parts: list[str] = []
     for preset, settings in SETTINGS.items():
         scenes = [SCENES[s] for s in SCENES if (s, preset) in rows.index]
         if scenes:
+            words = settings.replace("the settings", "those") if parts else settings
             places = every if len(scenes) == len(SCENES) else joined(scenes, word)
-            parts.append(f"{places} with {settings}")
+            parts.append(f"{places} with {words}")
     return f", {word} ".join(parts)
 
 
@@ -130,7 +131,7 @@ def areas() -> str:
     text = by_verdict(
         "areas",
         {
-            FAILS_BELOW: f"The Avia (five at the crossroad) has a lower {share} than 128 lines",
+            FAILS_BELOW: f"The Avia has a lower {share} than 128 lines",
             HOLDS: f"The Avia has a higher {share} than 128 lines",
         },
     )

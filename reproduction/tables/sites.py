@@ -124,7 +124,7 @@ def poles() -> str:
         ap = [_mean(aps[n, "none"]) if (n, "none") in aps else "" for n in (1, 2, 4)]
         gains = [_change(aps, (n, "none"), (n // 2, "none")) for n in (2, 4)]
         rows.append([*names, *ap, *gains])
-    heads = ["1 pole", "2 poles", "4 poles", "2 minus 1", "4 minus 2"]
+    heads = ["AP with 1 pole", "2 poles", "4 poles", "2 poles minus 1", "4 poles minus 2"]
     return markdown(["LiDAR", "detector", *heads], rows)
 
 
@@ -175,7 +175,7 @@ def places() -> str:
                 less = signed(Interval(-before.value, -before.high, -before.low))
             rows.append([str(lidar), words, f"{hidden:.0f} %", *cells, less])
     heads = ["LiDAR", "position", "hidden", "AP of visible vehicles", "AP of all vehicles"]
-    return markdown([*heads, "recall, %", "AP minus AP at the corner, 6 m"], rows)
+    return markdown([*heads, "recall, %", "AP of all vehicles minus that at the corner, 6 m"], rows)
 
 
 def pole_errors() -> str:

@@ -78,7 +78,7 @@ def test_a_sentence_that_the_tables_contradict_is_refused(monkeypatch: pytest.Mo
     found = table.quantity.str.contains("vehicles found within 60 m") & (table.low < 0)
     table.loc[found, "low"] = 1.0
     monkeypatch.setattr(sentences_of_models, "results", lambda _: table)
-    with pytest.raises(Error, match="got others: the vehicles found do not differ significantly"):
+    with pytest.raises(Error, match="the vehicles found do not differ significantly"):
         sentences_of_models.placement()
 
 
@@ -93,7 +93,7 @@ def test_cases_in_a_sentence_with_not_are_joined_by_or() -> None:
     keys = [*((scene, "paper") for scene in scenes), ("highway", "datasheet")]
     rows = pd.DataFrame(index=pd.MultiIndex.from_tuples(keys, names=["scene", "preset"]))
     assert sentences.where(rows, "or") == (
-        "in any of the three scenes with the settings of the study, or on the highway with the "
-        "settings of the data sheets"
+        "in any of the three scenes with the settings of the study, or on the highway with those "
+        "of the data sheets"
     )
     assert sentences.where(rows[1:], "or").startswith("on the curve or at the crossroad with")
