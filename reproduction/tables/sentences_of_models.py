@@ -119,8 +119,8 @@ def placement() -> str:
         f"mean of six poses of the same LiDAR. The difference is {gain.value:.0f} AP "
         f"[{gain.low:.0f}, {gain.high:.0f}]. For the price of one LiDAR of 128 lines, plans have "
         f"{units:.1f} LiDARs of 16 lines on average. Their share of vehicles found within 60 m "
-        "does not differ significantly from that of 128 lines, and their AP over the whole region "
-        f"is {-ap.value:.0f} lower."
+        "does not differ significantly from that of 128 lines. Their AP over the whole region is "
+        f"{-ap.value:.0f} lower."
     )
 
 
@@ -144,9 +144,8 @@ def lidar_models() -> str:
         f"ratio of two LiDARs' points per vehicle changes by up to {max(on):.0f} %. More sub-rays, "
         "sub-rays everywhere and a different separation of echoes change this ratio by at most "
         f"{most:.1f} %, and are off by default. Assumed beam widths, the echo mode and the "
-        "exponent of the law of range change the ratio by "
-        f"{span(largest[name] for name in choices)} %, so compare LiDARs with several values of "
-        "them."
+        f"exponent of the range law change the ratio by {span(largest[name] for name in choices)} "
+        "%. Compare LiDARs with several values of these settings."
     )
 
 
@@ -155,7 +154,7 @@ def tracks() -> str:
     table = table[table.lidar.isin(("ruby_plus", "pandar_64"))]
     off = 100 * (table.passages - table.passages_true).abs() / table.passages_true
     return (
-        f"With 64 and 128 lines, the tracks have a HOTA of {span(table.hota)}, and the counts of "
+        f"With 64 and 128 lines, the tracks have a HOTA of {span(table.hota)}. The counts of "
         f"vehicles differ from the true counts by at most {off.max():.0f} %."
     )
 
