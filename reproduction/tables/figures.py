@@ -273,7 +273,7 @@ CLAIM = partial(draw_intervals, holds=(0.0, 1e9))
 FIGURES: dict[str, Picture] = {  # by the name of the file in docs/pictures/results
     "comparable": Picture(
         partial(rows_of_claim, "comparable"),
-        partial(draw_intervals, label="AP of the Avia minus 128 lines", holds=(-3.0, 3.0)),
+        partial(draw_intervals, label="AP of the Avia minus AP of 128 lines", holds=(-3.0, 3.0)),
     ),
     "gentle": Picture(
         partial(rows_of_claim, "gentle"),
