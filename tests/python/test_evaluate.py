@@ -613,7 +613,7 @@ def test_missing_unknown_and_no_files(tmp_path: Path) -> None:
     (pred / "000003.txt").write_text("")
     with pytest.raises(
         FormatError,
-        match=r"000003\.txt: expected one of .* frames of the ground truth .*, got another",
+        match=r"000003\.txt: expected one of .* frames of the ground truth .*, got frame 3",
     ):
         evaluate(gt, pred)
     (tmp_path / "empty").mkdir()

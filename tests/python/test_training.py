@@ -271,9 +271,7 @@ def test_held_out_frames_leave_some_to_learn_from_and_show_vehicles(
     source = read_source(lidar_folder, "smoke")
     learning = dataclasses.replace(recipe().learning, validate_frames=8)
     every = dataclasses.replace(recipe(), learning=learning)
-    with pytest.raises(
-        ValueError, match=r"validate_frames: expected less than the 8 frames .*, got 8"
-    ):
+    with pytest.raises(ValueError, match=r"validate_frames: expected less than 8, .*, got 8"):
         train.train(every, [source], tmp_path, quiet=True)
     boxes = source.read_boxes()[:6]
     none = dataclasses.replace(source, read_boxes=lambda: (*boxes, np.empty((0, 7)), boxes[0][:0]))
@@ -343,7 +341,9 @@ def test_a_run_of_other_frames_does_not_go_on(lidar_folder: Path, trained: Path)
         clouds=source.clouds[:7],
         read_boxes=lambda: (*boxes[:6], np.concatenate(boxes[6:])),
     )
-    with pytest.raises(ConfigError, match=r"run.yaml: frames: expected 7 to resume, got 8"):
+    with pytest.raises(
+        ConfigError, match=r"run.yaml: frames: expected 7 to resume the training, got 8"
+    ):
         train.train(recipe(), [fewer], trained, quiet=True)
     assert files_of(trained) == before
 
@@ -375,7 +375,7 @@ def test_a_run_in_half_the_bits_goes_on_in_half_the_bits(
     tensors = load_file(tmp_path / "last.safetensors").values()
     assert {t.dtype for t in tensors} <= {torch.float32, torch.int64}
     assert main.main([*words, "float32"]) == 2
-    message = "run.yaml: precision: expected float32 to resume, got bfloat16"
+    message = "run.yaml: precision: expected float32 to resume the training, got bfloat16"
     assert message in capsys.readouterr().err
     assert files_of(tmp_path) == before
     assert main.main([*words, "bfloat16"]) == 0
@@ -584,7 +584,7 @@ def test_two_clouds_of_one_name_are_not_written_over_one_another(
     words = ["detect", str(cloud), other, "--model", str(trained), "--out", str(tmp_path / "pred")]
     assert main.main(words) == 2
     assert (
-        f"expected a unique file name with --out, got the name of {cloud}"
+        f"expected point clouds of different names with --out, got the name of {cloud}"
         in capsys.readouterr().err
     )
     assert not (tmp_path / "pred").exists()
@@ -611,7 +611,7 @@ def test_background_says_what_it_has_no_use_for(
     assert main.main([*words, "--seed", "2", "--step-factor", "0.5"]) == 0
     unused = "pyinfra: note: background does not use --seed, --step-factor\n"
     anywhere = (
-        f"pyinfra: note: background: {lidar_folder.name}: no roads.csv and no --region: "
+        f"pyinfra: note: background: {lidar_folder.name}: no roads.csv and no --region, so "
         "every moving object is taken for a vehicle\n"
     )
     assert capsys.readouterr().err == unused + anywhere
@@ -681,7 +681,7 @@ def test_a_model_of_anywhere_needs_the_height_of_the_road(
     cloud = kitti.frame_file(lidar_folder, "velodyne", 9)
     assert main.main(["detect", "--model", str(sure), str(cloud)]) == 2
     assert (
-        "expected the height of the sensor above the road, got none: set --height-m"
+        "expected the height of the sensor above the road, got none; set --height-m"
         in capsys.readouterr().err
     )
     rows = rows_of(capsys, "--model", sure, cloud, "--height-m", 6)
@@ -799,7 +799,7 @@ def test_a_recipe_without_steps_takes_a_network_as_it_comes(
     with pytest.raises(FileExistsError, match=r"got a last\.safetensors of a different network"):
         train.train(other, [source], tmp_path / "as_is", quiet=True)
     assert file.read_bytes() == (trained / "last.safetensors").read_bytes()
-    with pytest.raises(FileNotFoundError, match="and no model of the package"):
+    with pytest.raises(FileNotFoundError, match="and no pretrained detector"):
         train.train(still.begun_with(Path("nobody")), [source], tmp_path / "as_is", quiet=True)
 
 
@@ -1083,7 +1083,7 @@ def test_a_training_needs_one_kind_of_source(
     for words in ([], both, ["--scene", "s.yaml"]):
         assert main.main(["train", str(CONFIG), *words, "--out", str(tmp_path / "o")]) == 2
         assert (
-            "DATA: expected exactly one source of frames: folders, --scene with --lidar"
+            "DATA: expected one source of frames (folders, --scene with --lidar"
             in capsys.readouterr().err
         )
 
@@ -1093,7 +1093,7 @@ def test_a_training_needs_one_kind_of_source(
     [
         ("", "mount: expected west, east, south, north, got none"),
         ("middle", "mount: expected west, east, south, north, got 'middle'"),
-        ("fused", "expected one mount's name, got 'fused': train on fused frames with"),
+        ("fused", "expected the name of one mount, got 'fused'; to train on fused frames, run"),
     ],
 )
 def test_a_scene_with_several_mounts_is_learnt_at_one(

@@ -256,7 +256,10 @@ def test_command_checks_every_lidar_of_a_data_set(
     assert f"{lidar}: " in out
     assert f"{tmp_path / 'other'}: " in out
     assert main.main(["validate", str(tmp_path), "--pred", str(tmp_path / "pred")]) == 2
-    assert "expected one of lidar, other" in capsys.readouterr().err
+    assert (
+        "expected the folder of one LiDAR with predictions, got the LiDARs lidar, other"
+        in capsys.readouterr().err
+    )
 
 
 @pytest.fixture

@@ -266,8 +266,8 @@ def once(files: Sequence[Path]) -> None:
         if file.stem in named:
             other = named[file.stem]
             raise Error(
-                f"{file}: expected different file names, because the results in `out` have these "
-                f"names, got the name of {other}"
+                f"{file}: expected point clouds of different names with `out`, got the name of "
+                f"{other}"
             )
         named[file.stem] = file
 
