@@ -188,7 +188,7 @@ def test_a_box_without_size_overlaps_nothing() -> None:
     "wrong", [row(*CAR[:6]), row(*CAR[:6], math.nan), row(*CAR[:3], -4, *CAR[4:]), np.zeros(7)]
 )
 def test_wrong_boxes_are_an_error(wrong: FloatArray) -> None:
-    with pytest.raises(ValueError, match="boxes: row 0: expected"):
+    with pytest.raises(ValueError, match=r"boxes: .*expected"):
         bev_iou(wrong, row(*CAR))
 
 

@@ -625,7 +625,7 @@ def test_a_table_without_its_rows_is_named(
     header = (results / f"{file}.csv").read_text().splitlines()[0]
     (results / f"{file}.csv").write_text(f"{header}\n")
     assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
-    problem = "the table of a finished tier, got none"
+    problem = "one or more finished experiments, got none"
     if file != "quick":
         problem = "rows of all 16 experiments, got rows of 0; "
     assert f"{results}/{file}.csv: expected {problem}" in capsys.readouterr().err
