@@ -382,7 +382,7 @@ def test_a_dry_run_refuses_a_preset_that_a_lidar_lacks(
     [
         (
             ("highway", "motorway"),
-            r"small.yaml:4: matrix.0.scenes.0: expected a file or .*, got 'motorway'",
+            r"small.yaml:4: matrix.0.scenes.0: expected a .yaml file or .*, got 'motorway'",
         ),
         (
             ("[paper]", "[other]"),

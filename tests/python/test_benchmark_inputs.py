@@ -92,7 +92,7 @@ def test_a_changed_price_counts_at_once_and_a_changed_pole_is_refused(
     assert run(config) == 2
     error = capsys.readouterr().err
     assert "site paper own: expected rows of this benchmark, " in error
-    assert ", got rows of another scene, " in error
+    assert ", got rows of a different scene, " in error
 
 
 def test_other_costs_of_the_site_do_not_change_prices_in_silence(
@@ -232,7 +232,7 @@ def test_rows_of_an_edited_recipe_are_named_and_not_kept(
     assert run(config) == 2
     error = capsys.readouterr().err
     assert "smoke.csv: site own paper mine smoke 1: expected rows of this benchmark, " in error
-    assert ", got rows of another recipe" in error
+    assert ", got rows of a different recipe" in error
     assert table.read_bytes() == before
     assert run(config, "--out", str(config.parent / "other")) == 0
 

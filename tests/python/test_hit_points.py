@@ -123,7 +123,7 @@ def test_hits_are_read_from_a_summary(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("hits_per_frame", "hits", "got no column hits_per_frame"),
+        ("hits_per_frame", "hits", "the column hits_per_frame is missing"),
         ("paper,2", "paper,0", "summary.csv: expected one or more frames"),
         (SUMMARY[SUMMARY.index("livox") :], "", "summary.csv: expected one or more frames"),
     ],
