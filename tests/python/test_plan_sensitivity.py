@@ -129,7 +129,7 @@ def test_the_lines_of_a_verdict_say_what_would_settle_or_change_it(units: Units)
     assert unsure.startswith("Not known whether 90 of 100 are found")
     assert "About 120 simulated frames" in how
     *_, how = verdict_lines([(first, standing(0.9001))], request, 30)
-    assert "no practical simulation" in how
+    assert "too close to the requirement" in how
     *_, how = verdict_lines([(first, standing(0.91, source="predicted"))], request, 0)
     assert "A simulation in full" in how
     missed, how = verdict_lines([(first, standing(0.85))], request, 30)
@@ -225,7 +225,7 @@ def test_a_choice_is_exact_only_without_larger_sets(units: Units, site: PlanSite
     assert "exact over all pairs of pose and LiDAR" in notes_of(
         units, Request(50_000, poles=2), site
     )
-    assert "exact for one and two LiDARs" in notes_of(units, Request(50_000, poles=3), site)
+    assert "for one and two LiDARs is exact" in notes_of(units, Request(50_000, poles=3), site)
 
 
 def test_pedestrians_of_a_request_that_are_not_there_are_named(

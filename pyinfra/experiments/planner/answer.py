@@ -145,10 +145,12 @@ def settled_by(standing: Standing, request: Request, frames: int) -> str:
     away, half = abs(share.value - request.find), (share.high - share.low) / 2
     enough = math.inf if away == 0 else frames * (half / away) ** 2
     if enough > MOST_FRAMES:
-        return "The share is so close to what is asked that no practical simulation settles it."
+        return (
+            "The share is too close to the requirement for a practical simulation to answer this."
+        )
     return (
-        f"About {math.ceil(enough / 10) * 10:,} simulated frames (`check_frames`) may settle it; a "
-        "recording at the site would."
+        f"About {math.ceil(enough / 10) * 10:,} simulated frames (`check_frames`) may answer this; "
+        "a recording at the site would."
     )
 
 

@@ -2,7 +2,7 @@
 
 A choice depends on the budget, the wanted share, the number of poles and the LiDARs that are
 allowed. The front holds the best option for each of these settings. It is exact for one and two
-LiDARs over all pairs of pose and LiDAR that stayed in the race. Beyond two it is greedy.
+LiDARs over all pairs of pose and LiDAR that were not left out. Beyond two it is greedy.
 """
 
 from collections.abc import Iterator, Sequence

@@ -29,13 +29,13 @@ def how_chosen(
         )
     elif min(request.units, most_units(units, request.budget_usd)) > 2:
         yield (
-            "The options are exact for one and two LiDARs over all candidates that stayed in the "
-            "race. The search for more LiDARs is greedy, so a better set may exist."
+            "The search for one and two LiDARs is exact over all pairs of pose and LiDAR that were "
+            "not left out. The search for more LiDARs is greedy, so a better set may exist."
         )
     else:
-        yield "The options are exact over all pairs of pose and LiDAR that were not left out."
+        yield "The search is exact over all pairs of pose and LiDAR that were not left out."
     if not any(one.source == SIMULATED for _, one in options):
-        yield "No option was simulated in full, so the predicted shares decide."
+        yield "No option was simulated in full, so the choice rests on predicted shares."
 
 
 def number_of_poles(rows: pd.DataFrame) -> Iterator[str]:
