@@ -36,7 +36,8 @@ def read_tracks(file: Path) -> pd.DataFrame:
         if wrong.any():
             kind = "a whole number" if name in whole else "a number"
             row = int(wrong.to_numpy().argmax())
-            raise FormatError(f"{file}:{row + 2}: {name}: expected {kind}, got {column[row]}")
+            got = f"{column[row]:g}".replace("nan", "nothing")
+            raise FormatError(f"{file}:{row + 2}: {name}: expected {kind}, got {got}")
     if table.duplicated(["frame", "id"]).any():
         row = int(table.duplicated(["frame", "id"]).idxmax())
         got = f"track {table['id'][row]:g} twice in frame {table['frame'][row]:g}"

@@ -214,7 +214,10 @@ def test_latency_without_a_run_is_an_error(
 ) -> None:
     again = ["--work", str(tmp_path), "--only-latency"]
     assert main.main([*words(results.parent / "small.yaml", results), *again]) == 1
-    assert f"No run of the {EXPERIMENTS} finished experiments is in" in capsys.readouterr().err
+    assert (
+        f"The folder has no run of the {EXPERIMENTS} finished experiments"
+        in capsys.readouterr().err
+    )
 
 
 def test_a_failed_experiment_is_a_row_with_its_reason_and_is_tried_again(

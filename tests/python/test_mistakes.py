@@ -28,7 +28,7 @@ MISTAKES = {
     "scene with a typing error": ("benchmark demo --scene higway --out o",
         ["--scene", "did you mean 'highway'?"]),
     "pretrained detector with a typing error": ("detect data/site/pole --model generalst --out o",
-        ["--model", "did you mean 'generalist'?"]),
+        ["--model", "did you mean 'generalist'"]),
     "arguments behind the options": ("train background --tier quick data/site/pole --out o",
         ["before the options", "'data/site/pole'"]),
     "output forgotten": ("report results", ["--out"]),

@@ -165,7 +165,7 @@ def test_deskew_is_the_change_of_the_points_in_the_box() -> None:
 
 def test_other_lidars_are_an_error() -> None:
     vehicles = scene(as_in_the_paper, lidars=("a", "b", "c", "d"))
-    with pytest.raises(ValueError, match="got LiDARs a, b, c, d"):
+    with pytest.raises(ValueError, match="got a, b, c, d"):
         scanning.claims(vehicles, blocks())
 
 

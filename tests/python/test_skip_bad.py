@@ -59,4 +59,4 @@ def test_a_cut_frame_of_a_folder_is_left_out(
     for file in (data / "training/velodyne").iterdir():
         file.write_bytes(file.read_bytes()[:-7])
     assert main.main([*words, "--skip-bad"]) == 2
-    assert "expected a cloud that can be read" in capsys.readouterr().err
+    assert "expected a point cloud that can be read" in capsys.readouterr().err

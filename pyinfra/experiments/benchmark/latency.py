@@ -110,7 +110,7 @@ def time_again(
     if not here:
         runs = workspace.work / "runs"
         raise FileNotFoundError(
-            2, f"No run of the {len(finished)} finished experiments is in", str(runs)
+            2, f"The folder has no run of the {len(finished)} finished experiments", str(runs)
         )
     with held(workspace.work / LOCK, wait=True):
         digests = inputs.digests(plan)

@@ -165,7 +165,7 @@ def readable_clouds(
         else:
             good.append(file)
     if not good:
-        raise Error(f"expected a point cloud that can be read, got none; the first: {errors[0]}")
+        raise Error(f"expected a point cloud that can be read, got none; first error: {errors[0]}")
     return good, errors
 
 
