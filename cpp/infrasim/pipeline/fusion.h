@@ -24,9 +24,9 @@ class Fusion {
   Fusion(const SceneConfig& scene, std::span<const World> worlds, double period_s);
 
   /// Merges the frames of all mounts. Points are transformed by the assumed poses of the mounts.
-  /// They keep the time stamps of their mounts. The labels use the clock of the first mount, and
-  /// the mean time of all points of an object.
-  /// @param frames frame k of one LiDAR, one per mount
+  /// They keep the time stamps of their mounts. The scan time of an object is the mean time of its
+  /// points from all mounts, on the clock of the first mount.
+  /// @param frames frame k of one LiDAR at each mount, in the order of the mounts
   FusedFrame fuse(int k, std::span<const Frame* const> frames) const;
 
   /// True pose of a sensor in the levelled frame of the first mount.

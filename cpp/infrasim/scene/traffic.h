@@ -30,7 +30,7 @@ class TrafficSteps {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Simulates a scene's duration and passes the vehicles of each instant to `sink`.
+/// Simulates the traffic for the scene's duration; passes the vehicles of each instant to `sink`.
 /// @throws ConfigError if vehicles of a class do not fit the lanes
 void simulate_traffic(const Site& site, const StateSink& sink);
 /// Like the function above, but returns all rows.
