@@ -257,7 +257,7 @@ def test_an_empty_slice_has_no_labels_and_is_not_evaluated(
         none = sequence[:0]
         assert none.labels.columns.tolist() == frames.labels.columns.tolist()
         assert len(none.labels) == len(none.objects) == 0
-        with pytest.raises(pi.Error, match="expected a frame to evaluate, got none"):
+        with pytest.raises(pi.Error, match="expected one or more frames to evaluate, got none"):
             pi.evaluate(none, noisy[:0])
 
 

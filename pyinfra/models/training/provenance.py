@@ -49,7 +49,7 @@ class Provenance:
     calibration: tuple[float, ...] | None = None
     figures: Any = None  # measured figures, by name
     # frames_version of the training frames, several separated by blanks; empty if they were
-    # recorded. Versions before 0.5, which did not write the key, made frames 3.
+    # recorded. Versions before 0.5 did not write the key; it is then 3.
     frames_version: str = FIRST
     format: int = FORMAT
     convention: str = CONVENTION

@@ -79,7 +79,7 @@ class Stream:
     classes: tuple[ObjectClass, ...] = VEHICLES  # classes of the samples' boxes
     # How samples are chosen, or a digest of their labels; the same when a training resumes.
     drawn: str = ""
-    frames_version: str = ""  # numbers of the frames; empty if they were recorded
+    frames_version: str = ""  # of the frames; empty if they were recorded
 
 
 def read_source(
