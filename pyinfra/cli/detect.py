@@ -197,7 +197,7 @@ def _follow(args: argparse.Namespace) -> int:
         inputs = " ".join(map(str, args.inputs))
         raise Error(f"DATA: expected one folder with --follow, got {inputs}")
     if args.out is not None:
-        raise Error(f"--out: expected no folder with --follow, which prints, got {args.out}")
+        raise Error(f"--out: expected no folder with --follow, which prints tracks, got {args.out}")
     model = model_file(args.model, args.checkpoint)
     check_single(model, accumulation_of(model).frames)
     site = place(None, args.height_m, args.region)
