@@ -150,8 +150,12 @@ def _velodyne_yaml(file: Path, content: Any) -> BeamTable:
             raise FormatError(f"{file}: lasers: {i}: expected the key vert_correction, got none")
         angles = (laser["vert_correction"], -_number(file, laser.get("rot_correction", 0)))
         beams.append(tuple(math.degrees(_number(file, angle)) for angle in angles))
-    if len(beams) > 1 and all(abs(e) < 0.03 for e, _ in beams):
-        raise FormatError(f"{file}: vert_correction: expected radians, got angles below 2 degrees")
+    largest = max((abs(e) for e, _ in beams), default=0.0)
+    if len(beams) > 1 and largest < 0.03:
+        raise FormatError(
+            f"{file}: vert_correction: expected angles in radians, got at most {largest:.2g} "
+            "degrees after conversion; check the unit"
+        )
     return BeamTable("Velodyne", "Velodyne", [(e, a) for e, a in beams])
 
 

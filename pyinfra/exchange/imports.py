@@ -184,8 +184,8 @@ def check_data_folder(out: Path) -> None:
     other = next((name for name in names if not name.startswith(".") and name != out.name), None)
     if other is not None:
         raise Error(
-            f"out: expected DATA/LIDAR with a data set or a new or empty folder as DATA, got the "
-            f"folder {data} with '{other}'; {out / NAME} is possible"
+            "out: expected DATA/LIDAR, where DATA is a data set, an empty folder or does not "
+            f"exist, got the folder {data} with '{other}'; use for example {out / NAME}"
         )
 
 

@@ -196,7 +196,7 @@ def lines_64() -> str:
 def distance() -> str:
     heads = {
         HOLDS: "With distance, the Avia's AP decreases less than that of the best spinning LiDAR",
-        FAILS_BELOW: "The Avia's AP decreases more",
+        FAILS_BELOW: "The Avia's AP decreases more than that of the best spinning LiDAR",
     }
     return (
         f"{by_verdict('gentle', heads)} A smaller decrease does not mean a higher AP: within "

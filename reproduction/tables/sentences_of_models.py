@@ -77,10 +77,10 @@ def integration() -> str:
     known(slow.low > 0 > fast.high, "stacks raise AP at 20 km/h and lower it at 62 km/h")
     none = known(not any(c.low > 0 for c in last), "no significant gain")
     return (
-        "With the Avia, clouds that contain the frames of 0.5 s raise the AP by "
+        "With the Avia, clouds that contain all frames of 0.5 s raise the AP by "
         f"{slow.value:.1f} if vehicles drive at 20 km/h. The label is then that of the middle "
         "frame, so that the result is late. At 62 km/h, these clouds lower the AP. With the label "
-        f"of the last frame, which a detector in real time needs, they give {none}."
+        f"of the last frame, which a detector in real time needs, such clouds give {none}."
     )
 
 

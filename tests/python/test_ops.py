@@ -317,8 +317,8 @@ def test_voxels_that_are_out_of_the_grid_or_there_twice_are_errors() -> None:
     kernel, stride, padding = (3, 3, 3), (2, 2, 2), (1, 1, 1)
     for at, message in [
         ([[0, 1, 2, 3], [0, 1, 2, 3]], "coordinates: expected each voxel once, got a voxel twice"),
-        ([[0, 1, 2, SHAPE[2]]], "coordinates: expected voxels in the grid .*, got a voxel outside"),
-        ([[0, -1, 2, 3]], "coordinates: expected voxels in the grid .*, got a voxel outside"),
+        ([[0, 1, 2, SHAPE[2]]], "coordinates: expected voxels in the grid .*, got .* to "),
+        ([[0, -1, 2, 3]], "coordinates: expected voxels in the grid .*, got .* to "),
     ]:
         with pytest.raises(ValueError, match=message):
             sparse.submanifold_rulebook(torch.tensor(at), SHAPE, kernel)

@@ -98,7 +98,7 @@ struct PrismsConfig {
   std::vector<PrismConfig> prisms;
 };
 
-/// Directions of consecutive rays, repeated at the end of the table.
+/// Directions of consecutive rays. After the last row, the table starts again at its first row.
 struct TableConfig {
   std::string file;
   double rays_per_s = 0;
@@ -130,7 +130,7 @@ struct PublishedRange {
   double sunlight_klux = 100;
 };
 
-/// By default, range grows in sunlight with this power of the reflectance.
+/// In sunlight, the maximum range is by default proportional to this power of the reflectance.
 inline constexpr double kLawExponent = 0.25;
 inline constexpr double kLeastExponent = 0.25, kMostExponent = 0.5;
 

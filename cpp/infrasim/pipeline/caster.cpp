@@ -16,8 +16,8 @@ constexpr VehicleParts kNoParts{false, false, false, false, false};
 // offset of a ray's random numbers for leaves, which follow the samples of its echoes
 constexpr std::uint64_t kLeafStream = 64;
 
-/// Returns the end of the part of the frame that begins with group `first` and is processed at
-/// once.
+/// Returns the end of the part of the frame that begins with group `first` and is cast as one
+/// batch.
 std::int64_t part_end(const ScannerUnit& scanner, std::int64_t first, std::int64_t last) {
   if (scanner.layer) return scanner.layer->part_end(first, last);
   const int group = scanner.pattern.group_size();

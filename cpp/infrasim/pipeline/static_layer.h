@@ -93,8 +93,8 @@ class StaticLayer {
     return static_cast<std::uint32_t>(first_group % hits_.groups * hits_.group_size);
   }
 
-  /// Selects the rays of a run from `part_end` that may meet a body, with neighbouring rays
-  /// together.
+  /// Selects the rays of a batch (see `part_end`) that may meet a body. Neighbouring rays stay
+  /// adjacent.
   void select(std::int64_t first_group, std::int64_t last_group, const BodyIndex& bodies,
               std::vector<std::uint32_t>& selected) const;
 

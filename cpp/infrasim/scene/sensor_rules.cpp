@@ -80,8 +80,9 @@ std::optional<double> slope_over(const RoadConfig& road, double beside, double z
   return z <= surface ? std::optional(surface) : std::nullopt;
 }
 
-/// Returns the height of the surface above the sensor. Returns no value if that surface is a
-/// bridge, or if the sensor is beside all surfaces and above the lowest one.
+/// Returns the z coordinate of the surface that lies over the sensor. Returns no value if that
+/// surface is a bridge, or if no surface lies over or under the sensor and the sensor is higher than
+/// the lowest one.
 std::optional<double> ground_over(const Site& site, const Sensor& sensor) {
   double lowest = kInf, over = kInf, under = -kInf;
   const auto meet = [&](bool here, double z) {

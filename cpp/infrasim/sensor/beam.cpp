@@ -40,7 +40,8 @@ Beam::Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose)
     // The mean square radius of the ring, which reaches from 2 ring - 1 to 2 ring + 1.
     const double radius = std::sqrt((4.0 * ring * ring + 1) / parts);
     for (int i = 0; i < n; ++i) {
-      // The first sub-ray is on the longer axis. In a single ring, the probes come first.
+      // The first sub-ray is on the longer axis of the ellipse. In a single ring, the probes are
+      // the first sub-rays.
       const int place = rings == 1 ? n / probes * (i % probes) + i / probes : i;
       const auto [along, across] = math::cos_sin(2 * kPi * place / n);
       places_.push_back(up > left ? Vec2{radius * left * across, radius * up * along}

@@ -393,7 +393,8 @@ def _sorted_keys(coordinates: Tensor, shape: Triple, pad: Triple) -> tuple[Tenso
         return sorted_keys, order
     beyond = coordinates[:, 1:] >= constant(shape, coordinates)
     if (coordinates < 0).any() or beyond.any():
-        raise ValueError(f"coordinates: expected voxels in the grid {shape}, got a voxel outside")
+        low, high = coordinates[:, 1:].amin(0).tolist(), coordinates[:, 1:].amax(0).tolist()
+        raise ValueError(f"coordinates: expected voxels in the grid {shape}, got {low} to {high}")
     if (keys[1:] > keys[:-1]).all():
         return keys, torch.arange(len(keys), device=keys.device)
     keys, order = keys.sort()

@@ -57,9 +57,9 @@ def _check_directions(site: Path) -> None:
     against = [str(note) for note in notes if AGAINST in str(note)]
     if len(against) > int(record.get("lanes") or 0) / 2:
         raise Error(
-            f"{site}: expected lanes that run as in SUMO's network, got {len(against)} lanes that "
-            "run in the opposite direction; roads with left-hand traffic can only be imported if "
-            'all roads of the map have rule="LHT". Use recorded trajectories'
+            f"{site}: expected lanes with the direction that they have in SUMO's network, got "
+            f"{len(against)} lanes with the opposite direction; if the map has left-hand traffic, "
+            'set rule="LHT" on all of its roads, otherwise use recorded trajectories'
         )
 
 
