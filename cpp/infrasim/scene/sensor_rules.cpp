@@ -81,8 +81,8 @@ std::optional<double> slope_over(const RoadConfig& road, double beside, double z
 }
 
 /// Returns the z coordinate of the surface that lies over the sensor. Returns no value if that
-/// surface is a bridge, or if no surface lies over or under the sensor and the sensor is higher than
-/// the lowest one.
+/// surface is a bridge, or if no surface lies over or under the sensor and the sensor is higher
+/// than the lowest one.
 std::optional<double> ground_over(const Site& site, const Sensor& sensor) {
   double lowest = kInf, over = kInf, under = -kInf;
   const auto meet = [&](bool here, double z) {
