@@ -52,7 +52,7 @@ def test_folder_that_came_to_be_meanwhile_is_not_replaced(tmp_path: Path) -> Non
                 (second / "other").write_text("2")
 
     with pytest.raises(
-        FileExistsError, match="expected a new or an empty folder, got one with files"
+        FileExistsError, match="expected a new or empty folder, got a folder with files"
     ):
         both()
     assert [p.name for p in folder.iterdir()] == ["other"]

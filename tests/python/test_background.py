@@ -521,7 +521,7 @@ def test_a_height_or_region_for_what_learnt_its_own_is_an_error(
         (tmp_path / name).touch()
     words = ["detect", str(tmp_path / "cloud.bin"), "--model", str(tmp_path), "--height-m", "6"]
     assert main.main(words) == 2
-    assert "--height-m: expected no value for background" in capsys.readouterr().err
+    assert "--height-m: expected no value for a background model" in capsys.readouterr().err
 
 
 def test_a_region_for_another_detector_is_an_error(
@@ -530,4 +530,4 @@ def test_a_region_for_another_detector_is_an_error(
     recipe, file = ROOT / "configs/detectors/pointpillars.yaml", tmp_path / "region.yaml"
     words = [str(recording), "--out", str(tmp_path / "run"), "--region", str(file)]
     assert main.main(["train", str(recipe), *words]) == 2
-    assert "--region: expected none except for background" in capsys.readouterr().err
+    assert "--region: expected no file for pointpillars" in capsys.readouterr().err

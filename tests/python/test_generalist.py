@@ -48,7 +48,7 @@ def test_a_lone_cloud_needs_the_height_of_the_sensor(
     cloud = str(next((frames / "training/velodyne").glob("*.bin")))
     assert main.main(["detect", "--model", "generalist", cloud]) == 2
     assert (
-        "expected the height of the sensor above the road, got none: set --height-m"
+        "expected the height of the sensor above the road, got none; set --height-m"
         in capsys.readouterr().err
     )
     assert main.main(["detect", "--model", "generalist", cloud, "--height-m", "6"]) == 0

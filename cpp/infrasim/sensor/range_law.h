@@ -16,8 +16,8 @@ double noise_in_sun(double sun, double day_exponent);
 /// receivers that sunlight disturbs less.
 struct RangeLaw {
   double dark_range_m;                     ///< range of a 10 % target without sunlight
-  double background_noise_crossover_klux;  ///< sunlight on a 10 % target at which
-                                           ///< background light whose noise equals the noise of the detector
+  double background_noise_crossover_klux;  ///< sunlight on a 10 % target at which the noise of the
+                                           ///< background light equals the detector's noise
   double day_exponent = kLawExponent;
 
   /// Returns the noise at `klux` of sunlight, relative to the detector's noise in the dark.
