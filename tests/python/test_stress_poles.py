@@ -94,7 +94,9 @@ def test_recorded_vehicles_follow_the_clock_of_the_first(data: Path, tmp_path: P
 
 def test_poles_of_one_mount_cannot_come_apart(data: Path) -> None:
     one = altered_scenes.read_base(data / "west/helios_16", 60)
-    with pytest.raises(ValueError, match="expected fused frames of two mounts or more, got one mount"):
+    with pytest.raises(
+        ValueError, match="expected fused frames of two mounts or more, got one mount"
+    ):
         trials.able(chosen(["pole_clock", "pole_yaw"], None), one)
 
 
