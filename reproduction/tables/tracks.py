@@ -12,10 +12,14 @@ SCENES = {
 }
 
 
-MEANS = ("hota", "det_a", "ass_a", "mota", "false_tracks_per_min", "speed_error_km_h")
-MEANS += ("speed_p95_km_h", "tracks_per_frame", "detector_ms", "tracker_ms")
-SUMS = ("switches", "objects", "passages_true", "passages", "never", "extra")
-SUMS += ("all_vehicles", "all_tracks")
+MEANS = (
+    *("hota", "det_a", "ass_a", "mota", "false_tracks_per_min", "speed_error_km_h"),
+    *("speed_p95_km_h", "tracks_per_frame", "detector_ms", "tracker_ms"),
+)
+SUMS = (
+    *("switches", "objects", "passages_true", "passages", "never", "extra"),
+    *("all_vehicles", "all_tracks"),
+)
 
 
 def rows_of(boxes: str) -> pd.DataFrame:
