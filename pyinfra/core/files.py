@@ -100,7 +100,7 @@ def check_size(file: Path, most: int) -> None:
     """Raises Error for a file with more than `most` bytes."""
     size = file.stat().st_size
     if size > most:
-        raise Error(f"{file}: expected at most {most >> 20} MiB, got {size >> 20} MiB")
+        raise Error(f"{file}: expected at most {most:,} bytes, got {size:,} bytes")
 
 
 def _target_of(file: Path) -> Path:

@@ -67,8 +67,8 @@ def by_random(frames: Sequence[int], seed: int, val_share: float = VAL_SHARE) ->
     """
     if len(frames) < 2 or not 0 < val_share < 1:
         raise Error(
-            f"expected 2 or more frames and a share between 0 and 1, got {len(frames)} frames and "
-            f"a share of {val_share:g}"
+            f"val_share: expected 2 or more frames and a share between 0 and 1, got {len(frames)} "
+            f"frames and a share of {val_share:g}"
         )
     count = min(max(round(val_share * len(frames)), 1), len(frames) - 1)
     val = np.random.default_rng(seed).choice(np.array(frames), count, replace=False)

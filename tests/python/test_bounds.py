@@ -69,7 +69,7 @@ def test_a_huge_yaml_is_not_read(tmp_path: Path) -> None:
     file.touch()
     os.truncate(file, 2**40)
     for read in (read_yaml, read_keys, lambda f: read_config(f, type)):
-        with pytest.raises(Error, match="expected at most 64 MiB"):
+        with pytest.raises(Error, match="expected at most 67,108,864 bytes"):
             read(file)  # type: ignore[operator]
 
 

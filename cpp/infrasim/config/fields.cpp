@@ -225,7 +225,7 @@ bool ends_as(std::string_view path, std::string_view pattern) {
 
 namespace {
 
-/// Returns the current name of a key that has its canonical name; no value for any other key.
+/// Returns the name that files now use for a canonical key; no value for any other key.
 std::optional<std::string> current_name(const std::string& key, const std::string& path,
                                         const CanonicalKeys& canonical) {
   for (const RenamedKey& renamed : canonical.renamed) {

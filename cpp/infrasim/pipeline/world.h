@@ -57,7 +57,7 @@ struct World {
   /// Returns a time of the mount's clock as a position in the rows of the trajectories.
   double position(double time_s) const { return row_position(time_s + late_s); }
   /// Objects that exist for the whole of frame k, which covers [k, k + 1) periods. They move
-  /// linearly from their states at its begin to those at its end.
+  /// linearly from their states at its beginning to those at its end.
   std::vector<MovingObject> objects_in_frame(int k, double period_s) const;
 };
 

@@ -49,7 +49,7 @@ class MeshLibrary {
 class Raycaster {
  public:
   Raycaster(const MeshLibrary& library, const CastOrigin& origin);
-  /// A raycaster at the origin of the library.
+  /// A raycaster whose origin is that of the library's coordinates.
   explicit Raycaster(const MeshLibrary& library) : Raycaster(library, library.origin()) {}
   ~Raycaster();
   Raycaster(const Raycaster&) = delete;

@@ -11,7 +11,8 @@ from torch import Tensor
 
 from pyinfra.models.ops.kernels import kernels, on_cpu
 
-# Distances that are computed together. A GPU has more memory, and small steps leave it idle.
+# Number of distances that are computed at once. It is larger on a GPU, which is idle with small
+# steps.
 _CHUNK, _CHUNK_ON_GPU = 1 << 22, 1 << 27
 
 
