@@ -83,7 +83,9 @@ def medians(repetitions: int) -> dict[str, dict[str, float]]:
         )
         report = json.loads(Path(out.name).read_text())
     return {
-        run["run_name"]: run for run in report["benchmarks"] if run["aggregate_name"] == "median"
+        run["run_name"]: run
+        for run in report["benchmarks"]
+        if run.get("aggregate_name", "median") == "median"  # a single repetition has no aggregates
     }
 
 
