@@ -105,7 +105,7 @@ reference: build
 
 # Every file of results/ that is out of date. LIST=1 only prints what it takes; a stopped one goes on.
 results: build
-	@scripts/setup.sh train exchange test
+	@scripts/setup.sh train exchange test bench
 	$(PYTHON) -m reproduction results $(FILES) --jobs $(JOBS) $(if $(LIST),--list)
 
 # The tables of the pages, from results/*.csv.
@@ -158,7 +158,7 @@ fuzz:
 
 # The tests that `make test` leaves out.
 test-nightly: build
-	@scripts/setup.sh train exchange test
+	@scripts/setup.sh train exchange test bench
 	ctest --preset dev --no-tests=error -R 'nightly_'
 	$(PYTHON) -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m nightly
 
