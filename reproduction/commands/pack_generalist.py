@@ -143,18 +143,6 @@ def line_of(experiments: list[ScoredBoxes], name: ObjectClass) -> tuple[float, f
         raise ValueError(f"{name}: {error}") from None
 
 
-def lines_at(experiments: list[ScoredBoxes], classes: Sequence[ObjectClass]) -> tuple[float, ...]:
-    """Returns the calibration lines of all classes: a and b of each class."""
-    lines = (line_of(experiments, name) for name in classes)
-    return tuple(itertools.chain.from_iterable(lines))
-
-
-def lines_by_class(
-    line: tuple[float, ...], classes: Sequence[ObjectClass]
-) -> dict[ObjectClass, tuple[float, float]]:
-    return {name: (line[2 * i], line[2 * i + 1]) for i, name in enumerate(classes)}
-
-
 def halved(weights: dict[str, Tensor]) -> dict[str, Tensor]:
     """Returns the weights of layers in half precision and of norms in full precision.
 
@@ -209,8 +197,8 @@ def main() -> None:
         ]
         for sites in (calibration_sites, test_sites)
     )
-    line = lines_at(fitted, classes)
-    lines = lines_by_class(line, classes)
+    lines = {name: line_of(fitted, name) for name in classes}
+    line = tuple(itertools.chain.from_iterable(lines.values()))
     table = pd.DataFrame(rows_of(experiments, lines)).assign(
         **provenance(f"pack_generalist {args.run} --sites {args.sites} --frames {args.frames}")
     )

@@ -11,7 +11,6 @@ writes out/tracks.csv with one row per run for the boxes of the detector, and on
 
 import subprocess
 import time
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -156,7 +155,6 @@ def main(
     work : working folder for frames, about 5 GB
     seeds : traffic seeds; a seed also seeds the training (default: 1 2 3)
     """
-    warnings.filterwarnings("ignore", message="generalist: learnt from frames")
     hundred_ms = round(time_per_frame(), 2)
     records = []
     for scene in scenes:

@@ -60,9 +60,7 @@ def draw_intervals(
 ) -> Figure:
     """Draws the intervals of each row. holds: where an interval must lie for the claim."""
     names, series = list(rows.row.unique()), list(rows.series.unique())
-    height = max(SIZE_IN[1], 0.9 + 0.09 * len(names) * (1 + len(series)))
-    figure = Figure(figsize=(SIZE_IN[0], height), layout="constrained")
-    ax = figure.subplots()
+    figure, ax = _empty(max(SIZE_IN[1], 0.9 + 0.09 * len(names) * (1 + len(series))))
     for number, (name, part) in enumerate(rows.groupby("series", sort=False)):
         y = part.row.map(names.index) + 0.6 / len(series) * (number - (len(series) - 1) / 2)
         ends = [part.value - part.low, part.high - part.value]
@@ -216,7 +214,7 @@ def draw_people(rows: pd.DataFrame) -> Figure:
 
 
 def rows_of_tracks() -> pd.DataFrame:
-    """Returns the HOTA of the detector's tracks by scene, LiDAR and traffic seed."""
+    """Returns the mean HOTA of the detector's tracks over seeds, by scene and LiDAR."""
     table = tracks.rows_of("detector")
     names = {"row": table.scene.map(tracks.SCENES), "series": table.lidar.map(LIDARS)}
     return pd.DataFrame({**names, "value": table.hota}).reset_index(drop=True)
@@ -257,8 +255,8 @@ def _ends(change: Interval) -> tuple[float, float, float]:
     return change.value, change.low, change.high
 
 
-def _empty() -> tuple[Figure, Axes]:
-    figure = Figure(figsize=SIZE_IN, layout="constrained")
+def _empty(height_in: float = SIZE_IN[1]) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(SIZE_IN[0], height_in), layout="constrained")
     return figure, figure.subplots()
 
 

@@ -3,12 +3,12 @@
 import pandas as pd
 
 from pyinfra.metrics.comparison import Interval
-from reproduction.report.ladder import interval
+from reproduction.tables import integration as stacked
 from reproduction.tables import rungs, stress
 from reproduction.tables.common import LIDARS, results
 from reproduction.tables.label_times import ANGLES_DEG, WIDE, of_setup, trained_at_angles
 from reproduction.tables.networks import of_unseen_sites
-from reproduction.tables.sentences import known, span, within
+from reproduction.tables.sentences import AVIA, known, span, within
 from reproduction.tables.simulator import changes_of_models
 from reproduction.tables.tracks import rows_of as tracked
 
@@ -62,15 +62,12 @@ def _tolerant(stressors: tuple[str, ...]) -> str:
 
 
 def integration() -> str:
-    table = results("integration")
-    table = table[table.subset == "captured"]
+    cases = stacked.aps("captured")
 
     def change(speed: int, label_at: str) -> Interval:
-        part = table[table.speed_km_h == speed]
-        aps = part.pivot(index="seed", columns=["accumulate", "label_at"], values="ap_r1000")
-        (single,) = (aps[column] for column in aps if column[0] == 1)
-        (stack,) = (aps[column] for column in aps if column[0] > 1 and column[1] == label_at)
-        return interval(stack - single)
+        of_seeds = cases[speed, AVIA]
+        (stack,) = (s for s in of_seeds if s != stacked.SINGLE and s[1] == label_at)
+        return stacked.change(of_seeds, stack)
 
     slow, fast = change(20, "middle"), change(62, "middle")
     last = [change(speed, "newest") for speed in (20, 62)]
