@@ -62,8 +62,8 @@ def main() -> int:
         ]
     work = args.work.resolve() / ("toy" if args.toy else "")
     places = engine.Places(work / "results" if args.toy else ROOT / "results", work)
-    left = show(steps, args.files, places)
-    if args.list or not left:
+    left, stale = show(steps, args.files, places)
+    if args.list or not stale:
         return 0
     if not args.dirty and (changed := engine.changed_code()):
         named = ", ".join(changed[:NAMED]) + (" ..." if len(changed) > NAMED else "")
@@ -81,9 +81,13 @@ def main() -> int:
 
 def show(
     steps: Sequence[engine.Step], files: Sequence[str], places: engine.Places
-) -> list[engine.Part]:
-    """Prints the state of the steps, and returns the parts that have to run."""
-    left: list[engine.Part] = []
+) -> tuple[list[engine.Part], bool]:
+    """Prints the state of the steps.
+
+    Returns the parts that have to run, and whether a file is out of date. If all parts are done,
+    only the files have to be written.
+    """
+    left, stale = list[engine.Part](), False
     record = engine.recorded(places)
     for level in engine.levels(steps, files):
         for step in level:
@@ -95,10 +99,11 @@ def show(
             hours = sum(expected_h(part, record) for part in rest)
             state = "up to date" if current else f"{len(rest)} of {len(parts)} parts to run"
             print(f"{', '.join(step.files):<60} {state:<24} {hours:6.2f} CPU h")
-            left += rest if not current else []
+            left += rest
+            stale |= not current
     hours = sum(expected_h(part, record) for part in left)
     print(f"{len(left)} parts will take about {hours:.2f} CPU hours")
-    return left
+    return left, stale
 
 
 def expected_h(part: engine.Part, record: pd.DataFrame) -> float:

@@ -182,14 +182,31 @@ def killed(work: Path, files: Sequence[str], seconds: Sequence[float]) -> list[f
     return sorted(file.stat().st_mtime for file in work.rglob("done.json"))
 
 
+def killed_in_a_part(work: Path, file: str) -> None:
+    """Kills a run of a toy step as soon as a part has begun, which opens a log."""
+    for log in work.rglob("log.txt"):
+        log.unlink()
+    process = results(work, file)
+    while not list(work.rglob("log.txt")):
+        assert process.poll() is None
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+    assert not list(work.rglob("done.json"))
+
+
 def test_a_toy_step_that_is_killed_twice_has_the_rows_of_an_uninterrupted_run(
     tmp_path: Path,
 ) -> None:
-    killed(tmp_path / "killed", ["rungs.csv"], (1, 2))
+    for _ in range(2):
+        killed_in_a_part(tmp_path / "killed", "rungs.csv")
     for name in ("killed", "whole"):
         printed, _ = results(tmp_path / name, "rungs.csv", "--jobs", "2").communicate()
         assert re.search(r"will take about .* CPU hours\n(.|\n)*took .* CPU hours", printed)
     one, whole = (tmp_path / name / "toy/results/rungs.csv" for name in ("killed", "whole"))
+    assert one.read_bytes() == whole.read_bytes()
+    one.unlink()  # as if the run had been killed after its last part
+    results(tmp_path / "killed", "rungs.csv").communicate()
     assert one.read_bytes() == whole.read_bytes()
 
 
