@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import joblib
+import numpy as np
 import pandas as pd
 import psutil
 import pytest
@@ -163,6 +164,23 @@ def test_nothing_is_timed_while_another_command_runs_experiments(
     messages: list[str] = []
     time_untimed(plan, workspace, progress=messages.append)
     assert len(messages) == 1
+
+
+@pytest.mark.parametrize(("first_ms", "frames"), [(1, 100), (60, 50), (2000, 15)])
+def test_slow_detectors_are_timed_on_fewer_frames_spread_over_the_test_time(
+    first_ms: float, frames: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[int] = []
+    monkeypatch.setattr(measure, "frame_numbers", lambda _: list(range(300)))
+    monkeypatch.setattr(measure, "computer", lambda *_: "a computer")
+    monkeypatch.setattr(measure.detect, "detector_at", lambda *_, **_how: None)
+    monkeypatch.setattr(measure.detect, "detect", lambda *_: ([], np.array([9e9, first_ms])))
+    monkeypatch.setattr(measure.detect, "timed", lambda *_: (None, 0.1))
+    monkeypatch.setattr(measure.kitti, "read_points", lambda file: read.append(int(file.stem)))
+    columns, _ = measure.timed_alone(tmp_path, tmp_path, "cpu")
+    assert columns["latency_frames"] == len(read) == frames
+    assert read == sorted(read)
+    assert read[-1] >= 300 - 300 // frames
 
 
 def test_the_load_of_others_is_what_they_compute_and_not_what_is_timed(

@@ -37,7 +37,7 @@ struct RecordedReturn {
 };
 
 /// One laser and its returns.
-struct Ring {
+struct RecordedLaser {
   double elevation = 0;
   double reach = 0;  ///< maximum azimuth difference between a ray and its return
   std::vector<std::pair<double, std::size_t>> rays;  ///< azimuth, index in the period; ascending
@@ -49,14 +49,14 @@ struct Ring {
 struct Unit {
   Mat3 from_levelled;
   double agree_m = 0;  ///< maximum extent of a group of returns
-  std::vector<Ring> rings;
+  std::vector<RecordedLaser> rings;
   double grid_cos = 0, grid_sin = 0;  ///< sums over points of their phase between two columns
   std::size_t points = 0;
 
   /// Returns the number of columns in a period. Some channels do not fire in every column.
   double columns() const {
     std::size_t most = 0;
-    for (const Ring& ring : rings) most = std::max(most, ring.rays.size());
+    for (const RecordedLaser& ring : rings) most = std::max(most, ring.rays.size());
     return static_cast<double>(most);
   }
   /// Returns the azimuth offset of the recorded columns, if it is constant.
@@ -72,14 +72,14 @@ Mat3 transposed(const Mat3& m) { return {m[0], m[3], m[6], m[1], m[4], m[7], m[2
 double azimuth(Vec3 v) { return math::atan2(v.y, v.x); }
 
 /// Returns the directions of a unit's lasers, by ring.
-std::vector<Ring> rings_of(const ScanPattern& pattern, const SpinningConfig& spinning) {
+std::vector<RecordedLaser> rings_of(const ScanPattern& pattern, const SpinningConfig& spinning) {
   const std::int64_t size = pattern.group_size();
   RayBatch first;
   pattern.generate({0, size}, 0, first);
   const auto lowest = *std::ranges::min_element(first.ring);
-  std::vector<Ring> rings(static_cast<std::size_t>(pattern.rings()));
+  std::vector<RecordedLaser> rings(static_cast<std::size_t>(pattern.rings()));
   for (std::int64_t i = 0; i < pattern.repeats_after() * size; ++i) {
-    Ring& ring = rings[first.ring[static_cast<std::size_t>(i % size)] - lowest];
+    RecordedLaser& ring = rings[first.ring[static_cast<std::size_t>(i % size)] - lowest];
     const Vec3 direction = pattern.ray(i).direction;
     ring.elevation = math::asin(direction.z);
     ring.rays.emplace_back(azimuth(direction), static_cast<std::size_t>(i));
@@ -120,7 +120,7 @@ std::vector<int> frames_of(const std::filesystem::path& folder) {
   return some;
 }
 
-void take_point(Unit& unit, Ring& ring, Vec3 levelled, float intensity) {
+void take_point(Unit& unit, RecordedLaser& ring, Vec3 levelled, float intensity) {
   const double range = norm(levelled);
   if (!(range > 0) || !std::isfinite(range)) return;
   const Vec3 direction = unit.from_levelled * (1 / range * levelled);
@@ -136,7 +136,7 @@ void take_point(Unit& unit, Ring& ring, Vec3 levelled, float intensity) {
 
 /// Returns the unit and ring of a ring number, which is counted over all units. The pointers are
 /// null if the number is too large.
-std::pair<Unit*, Ring*> find_ring(std::vector<Unit>& units, std::size_t number) {
+std::pair<Unit*, RecordedLaser*> find_ring(std::vector<Unit>& units, std::size_t number) {
   for (Unit& unit : units) {
     if (number < unit.rings.size()) return {&unit, &unit.rings[number]};
     number -= unit.rings.size();
@@ -146,7 +146,7 @@ std::pair<Unit*, Ring*> find_ring(std::vector<Unit>& units, std::size_t number) 
 
 void take_frame(const std::filesystem::path& folder, int frame, std::vector<Unit>& units) {
   for (Unit& unit : units)
-    for (Ring& ring : unit.rings) ring.frames.emplace_back();
+    for (RecordedLaser& ring : unit.rings) ring.frames.emplace_back();
   const RecordedPoints points = read_points(folder, frame);
   for (std::size_t i = 0; i < points.ring.size(); ++i) {
     const auto [unit, ring] = find_ring(units, points.ring[i]);
@@ -159,7 +159,7 @@ void take_frame(const std::filesystem::path& folder, int frame, std::vector<Unit
     take_point(*unit, *ring, {p[0], p[1], p[2]}, points.intensity[i]);
   }
   for (Unit& unit : units)
-    for (Ring& ring : unit.rings)
+    for (RecordedLaser& ring : unit.rings)
       std::ranges::sort(ring.frames.back(), {}, &RecordedReturn::azimuth);
 }
 
@@ -169,7 +169,7 @@ double check_elevations(const std::filesystem::path& folder, const LidarConfig& 
   double worst = 0;
   std::size_t number = 0, worst_ring = 0;
   for (const Unit& unit : units)
-    for (const Ring& ring : unit.rings) {
+    for (const RecordedLaser& ring : unit.rings) {
       const double miss =
           ring.points > 0 ? deg(ring.sum_of_misses / static_cast<double>(ring.points)) : 0;
       if (miss > worst) worst = miss, worst_ring = number;
@@ -222,7 +222,7 @@ std::size_t fill(const Unit& unit, StaticHits& hits) {
   const double offset = unit.offset().value_or(0);
   std::size_t too_far = 0;
   std::vector<RecordedReturn> seen;
-  for (const Ring& ring : unit.rings)
+  for (const RecordedLaser& ring : unit.rings)
     for (const auto& [at, ray] : ring.rays) {
       seen.clear();
       for (const auto& frame : ring.frames)

@@ -1,8 +1,8 @@
 """One experiment: training, detection and evaluation; latency is measured separately."""
 
-import math
 import time
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,12 +27,14 @@ from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
 from pyinfra.models.inference.frames_learnt import model_origin
 from pyinfra.models.training.recipe import Recipe
-from pyinfra.models.training.sources import read_source
+from pyinfra.models.training.sources import read_source, spread
 from pyinfra.models.training.train import train
 
 Tables = dict[str, pd.DataFrame]
 SETTINGS = Settings(ground_truths=SUBSETS)
-TIMED_FRAMES = 100
+FEWEST_TIMED, MOST_TIMED = 15, 100  # frames whose latency is measured
+TIMED_S = 3.0  # time that these frames take, as far as their number allows
+FIRST_FRAMES = 3  # frames before the measurement, because a detector's first frames are slower
 OFF_REGION_SCORE = 0.5
 BUSY = 0.25  # cores of other processes from which a process may wait for a core
 LATENCY = tuple(
@@ -113,18 +115,19 @@ def timed_alone(
     """Measures the latency from points to boxes, on one thread, or on the GPU `device`.
 
     Returns the columns of the latency, and the load by other processes. every: n to use every n-th
-    test frame; by default at most TIMED_FRAMES frames are used. The caller must make sure that
-    nothing else runs.
+    test frame; by default FEWEST_TIMED to MOST_TIMED frames are used, which take about TIMED_S. The
+    caller must make sure that nothing else runs.
     """
-    numbers = frame_numbers(folder)
-    chosen = numbers[:: every or math.ceil(len(numbers) / TIMED_FRAMES)]
-    files = [kitti.frame_file(folder, "velodyne", k) for k in chosen]
-    detector = detect.detector_at(run, folder, device=device)
-    detect.detect(detector, files[:5], None)  # the first calls are slower
+    numbers, detector = frame_numbers(folder), detect.detector_at(run, folder, device=device)
+    file_of = partial(kitti.frame_file, folder, "velodyne")
+    _, first_ms = detect.detect(detector, [file_of(k) for k in numbers[:FIRST_FRAMES]], None)
+    frames = int(np.clip(1000 * TIMED_S / first_ms[-1], FEWEST_TIMED, MOST_TIMED))
+    chosen = numbers[::every] if every else spread(numbers, frames)
     times = []
     with other_load() as load:
-        for file in files:
-            points, started = kitti.read_points(file), time.process_time()
+        for number in chosen:
+            points = kitti.read_points(file_of(number))
+            started = time.process_time()
             _, seconds = detect.timed(detector, points)
             times.append((seconds, time.process_time() - started))
     wall, cpu = 1000 * np.array(times).T
