@@ -69,7 +69,9 @@ TOYS = {
     "detectability.csv": "detectability --fit 0 --check 2 --frames 3",
     "placement.csv": "placement {detectability.csv} --sites 2 --unit-sites 2 --frames 3",
     "plans.csv": "plans QUESTIONS=QUESTIONS[:1] CHECK_FRAMES=2",
-    "plan_coverage.csv": "plan_coverage --sites 1 --seeds 2 --frames 3 --check-frames 3",
+    "plan_coverage.csv": (
+        "plan_coverage CALIBRATION_SITES=0 --sites 1 --seeds 2 --frames 3 --check-frames 3"
+    ),
     "places.csv": (
         "places \"FRAMES='0:5000:1000'\" 'SEEDS=(1,2)' \"PLACES=('back','4m')\" "
         "'RUNS={name:RUNS[name]for(name)in(PLACES)}' --lidars hesai_xt32"

@@ -167,11 +167,14 @@ def main(
 def with_errors(plain: dict[str, dict[str, Any]], table: pd.DataFrame) -> dict[str, dict[str, Any]]:
     """Returns the content of the file of the laws with the errors at unseen sites.
 
-    table: rows of `check.check_table`. The gains by fine-tuning are those of
-    `experiments.csv`, and of `fairness.csv` for other LiDARs.
+    table: rows of `check.check_table`. The errors of the pretrained detector are those of the
+    options of `plan_coverage.csv`. The gains by fine-tuning are those of `experiments.csv`, and of
+    `fairness.csv` for other LiDARs.
     """
     for detector, law in plain.items():
         law["unseen_std"] = check.unseen_std(table[table.detector == detector])
+    options = pd.read_csv(ROOT / "results/plan_coverage.csv")
+    plain["generalist"]["unseen_std"] = check.unseen_std_of_options(options)
     fairness, experiments = (
         pd.read_csv(ROOT / f"results/{name}.csv") for name in ("fairness", "experiments")
     )

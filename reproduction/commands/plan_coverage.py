@@ -4,7 +4,10 @@ At generated sites that no fit has used, `pyinfra plan` predicts and simulates o
 LiDARs. Each simulated option is then simulated in further traffic seeds, which stand for an hour
 of traffic. An interval should contain their mean for 95 % of the options. The command adds a row
 for each option and figure as they are made, and NAME_summary.csv with the share of intervals that
-contain the mean and their half-widths. Run it again to resume. The full size is
+contain the mean and their half-widths. Run it again to resume.
+
+The errors at the first ten sites, whose `use` is `calibration`, set the width of the predicted
+intervals (`detectability --only-errors`). The summary has the later sites, which test them:
 
     python -m reproduction plan_coverage --work data/coverage --sites 20 --seeds 10 --frames 30
 """
@@ -29,10 +32,11 @@ from pyinfra.experiments.planner.tables import units_at
 from pyinfra.metrics.comparison import over_replicates
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
-from reproduction.detectability.runs import scene_file_of
+from reproduction.detectability.runs import FIRST_CHECK_SITE, scene_file_of
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
-FIRST_SITE = 800_100  # of the scene generator; the check of the detectability ends before it
+VERSION = 2  # of the results of this file; raise it with a change that alters them
+FIRST_SITE = FIRST_CHECK_SITE + 100  # the check of the detectability ends before it
+CALIBRATION_SITES = 10
 LIDARS = ("helios_16", "pandar_64", "livox_avia", "ruby_plus", "hesai_xt32", "livox_horizon")
 GRID = PoseGrid(every_m=30.0, heights_m=(5.0,), pitches_deg=(0.0, 10.0))
 BUDGET_USD, WITHIN_M, PEOPLE = 60_000.0, 60.0, 1.0
@@ -79,6 +83,7 @@ def rows_of(
             for source, column in (("predicted", before), ("simulated", after)):
                 yield {
                     "site": site_number,
+                    "use": "calibration" if number < CALIBRATION_SITES else "test",
                     "option": int(option),
                     "figure": figure,
                     "source": source,
@@ -94,12 +99,12 @@ def rows_of(
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Returns the share of intervals that contain the mean, and their mean half-width.
+    """Returns the share of intervals of test sites that contain the mean, and their half-width.
 
     `agree_percent` allows for the uncertainty of the mean: the difference is within the half-widths
     of both, added as variances.
     """
-    known = table.dropna(subset=["low", "high", "mean"])
+    known = table[table.use == "test"].dropna(subset=["low", "high", "mean"])
     groups = {("all",): known} | {(name,): part for name, part in known.groupby("lidar")}
     rows = []
     for (lidar,), part in groups.items():
@@ -145,7 +150,7 @@ def main(
     warnings.simplefilter("ignore")
     sizes = f"--sites {sites} --seeds {seeds} --frames {frames}"
     made_by = provenance(f"plan_coverage {sizes} --check-frames {check_frames}")
-    text = ["figure", "source", "lidar"]
+    text = ["use", "figure", "source", "lidar"]
     for number in range(sites):
         known = store.read(out, text)
         if not known.empty and (known.site == FIRST_SITE + number).any():

@@ -18,6 +18,7 @@ from pyinfra.dataset.catalogue import lidar_file
 from pyinfra.dataset.simulation import load_lidar
 from pyinfra.experiments.planner import detectability as laws
 from pyinfra.metrics.comparison import over_replicates
+from pyinfra.metrics.intervals import student
 from reproduction.commands.experiments import at_catalogue_law, at_own_cut_angle
 from reproduction.detectability import empty_scene
 from reproduction.detectability.fit import average_precision
@@ -38,6 +39,7 @@ REPLICATES = 2000
 BINS = 10
 MEASURED_FRAMES = 30  # frames of a run
 LEAST_BOXES = 9  # false boxes of a pose, below which their rate says little
+LEAST_RATE = 0.03  # the same of an option, per frame
 
 
 def predicted(outcome: Outcome, law: laws.Law) -> dict[str, float]:
@@ -115,7 +117,7 @@ def check_table(
 
 
 def unseen_std(table: pd.DataFrame) -> dict[str, float]:
-    """Returns the fields of `UnseenErrors` for the rows of one detector of `check_table`.
+    """Returns the fields of `UnseenErrors` for random poses: rows of one detector of `check_table`.
 
     The mean of a pose over its traffic seeds is compared with its prediction. The noise of the
     measured and of the predicted frames is that of the seeds of a pose, and is subtracted.
@@ -136,6 +138,27 @@ def unseen_std(table: pd.DataFrame) -> dict[str, float]:
         "people": PEOPLE_STD,
         "ap": round(std(table.ap_measured, table.ap_predicted), 2),
         "log_false": round(log_false, 3),
+    }
+
+
+def unseen_std_of_options(options: pd.DataFrame) -> dict[str, float]:
+    """Returns the fields of `UnseenErrors` for the options of plans.
+
+    A plan chooses the options with the highest predictions, so that the errors of its options are
+    larger than those of random poses. options: rows of `plan_coverage`; its test sites are left
+    out.
+    """
+    rows = options[(options.source == "predicted") & (options.use == "calibration")]
+    rows = rows.dropna(subset=["value", "mean_low"])
+    error, half = rows.value - rows["mean"], (rows.mean_high - rows.mean_low) / 2
+    squared = error**2 - (half / rows.seeds.map(student)) ** 2
+    std = np.sqrt(squared.groupby(rows.figure).mean().clip(lower=0))
+    false = rows[(rows.figure == "false_per_frame") & (rows["mean"] >= LEAST_RATE)]
+    return {
+        "recall": round(std["recall"] / 100, 4),
+        "people": round(std["people_recall"] / 100, 4),
+        "ap": round(std["ap"], 2),
+        "log_false": round(math.sqrt((np.log(false.value / false["mean"]) ** 2).mean()), 3),
     }
 
 

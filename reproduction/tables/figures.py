@@ -232,9 +232,12 @@ def draw_tracks(rows: pd.DataFrame) -> Figure:
 
 
 def rows_of_coverage() -> pd.DataFrame:
-    """Returns the recall of each option of plans: predicted, and the mean of further traffic."""
+    """Returns the recall of each option of plans: predicted, and the mean of further traffic.
+
+    The sites are those that have not set the width of the intervals.
+    """
     table = results("plan_coverage")
-    table = table[(table.figure == "recall") & (table.source == "predicted")]
+    table = table.query("figure == 'recall' and source == 'predicted' and use == 'test'")
     return table[[*VALUE, "mean", "mean_low", "mean_high"]].reset_index(drop=True)
 
 

@@ -188,3 +188,23 @@ def test_a_run_is_named_by_all_that_changes_it() -> None:
 def test_the_laws_were_fitted_for_the_detector_of_the_package() -> None:
     fitted = json.loads(laws.FILE.read_text(encoding="utf-8"))["generalist"]
     assert fitted["model"] == checkpoint.digest(model_file(Path("generalist")))
+
+
+def test_errors_of_options_come_from_calibration_sites_without_the_noise_of_their_means() -> None:
+    rng, rows = np.random.default_rng(1), []
+    stds = {"recall": 8.0, "people_recall": 5.0, "ap": 6.0}
+    noise, seeds = 3.0, 10
+    for option in range(4000):
+        use = "calibration" if option % 2 else "test"
+        for figure, std in stds.items():
+            mean = 50 + rng.normal(0, noise)
+            value = 50 + rng.normal(0, std if use == "calibration" else 1)
+            rows.append((use, figure, value, mean, noise * stats.t.ppf(0.975, seeds - 1)))
+        rows.append((use, "false_per_frame", float(np.exp(rng.normal(0, 0.4))), 1.0, 0.0))
+    table = pd.DataFrame(rows, columns=["use", "figure", "value", "mean", "half"])
+    table = table.assign(source="predicted", site=1, seeds=seeds)
+    table = table.assign(mean_low=table["mean"] - table.half, mean_high=table["mean"] + table.half)
+    simulated = table.assign(source="simulated", value=0.0)
+    found = check.unseen_std_of_options(pd.concat([table, simulated]))
+    expected = {"recall": 0.08, "people": 0.05, "ap": 6.0, "log_false": 0.4}
+    assert found == pytest.approx(expected, rel=0.05)

@@ -23,9 +23,8 @@ def test_tiles_use_each_needed_cell_once_and_compute_around_it(needed: BoolArray
     for tile in tiles:
         count[tile.used] += 1
         for part, whole, size in zip(tile.used, tile.computed, needed.shape, strict=True):
-            assert whole.start == max(0, part.start - halo)
-            assert whole.stop == min(size, part.stop + halo)
-            assert whole.start % 2 == whole.stop % 2 == 0
+            assert max(0, part.start - halo) <= whole.start <= part.start
+            assert part.stop <= whole.stop <= min(size, part.stop + halo)
     assert (count[needed] == 1).all()
     assert count.max() == 1
 

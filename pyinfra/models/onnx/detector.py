@@ -56,9 +56,11 @@ class OnnxDetector:
         self.map = PillarMap(config, weights, area)
         rows, columns = self.map.array.shape[2:]
         self.peaks = Peaks(self.site, cell_m, config.axis, region, (rows, columns))
-        self.session = session_of(bytes(model_of(config, weights)), threads)
         near = self.peaks.near(region, REGION_MARGIN_M, (rows, columns))
-        self.tiles = tiles_of(near, config.bev)
+        self.tiles = [
+            (tile, session_of(bytes(model_of(config, weights, tile)), threads))
+            for tile in tiles_of(near, config.bev)
+        ]
         outputs = len(self.classes) + len(weights["head.box.bias"])
         self.maps = np.full((outputs, rows, columns), NO_BOX, np.float32)
 
@@ -68,9 +70,9 @@ class OnnxDetector:
         if len(inside) == 0:
             return empty()
         whole = self.map.of(inside)
-        for tile in self.tiles:
+        for tile, session in self.tiles:
             part = np.ascontiguousarray(whole[:, :, *tile.computed])
-            (maps,) = self.session.run(None, {"map": part})
+            (maps,) = session.run(None, {"map": part})
             self.maps[:, *tile.used] = maps[0][:, *tile.used_inside]
         return self.best(self.maps)
 

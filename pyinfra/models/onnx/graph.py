@@ -9,36 +9,41 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pyinfra.core.arrays import Float32Array
+from pyinfra.core.arrays import Float32Array, IntArray
 from pyinfra.models.detectors.centerpoint_config import Config
 from pyinfra.models.onnx.model_bytes import Model, Node, Tensor
+from pyinfra.models.onnx.tiles import Tile
 
 Weights = Mapping[str, Float32Array]
 EPSILON = np.float32(1e-3)  # added to the variance in all batch norms
+MOST = 1 << 30  # more channels than any layer has
 
 
-def model_of(config: Config, weights: Weights) -> Model:
-    """Returns the model. weights: as in the checkpoint.
+def model_of(config: Config, weights: Weights, tile: Tile) -> Model:
+    """Returns the model of a tile. weights: as in the checkpoint.
 
-    The input `map` is (1, C, H, W), row = y: the output of the first convolution. The output `maps`
-    is (1, classes + 8 or 9, H, W): logits of the heat, followed by the numbers of a box.
+    The input `map` is (1, C, H, W), row = y: the tile of the output of the first convolution. The
+    output `maps` is (1, classes + 8 or 9, rows, columns): logits of the heat, followed by the
+    numbers of a box. Its cells include the used ones of the tile.
     """
-    layers = _Layers(weights)
+    layers = _Layers(weights, tile)
     x, upsampled, factor = "map", list[str](), 1
     for i, n in enumerate(config.bev.layers):
         for j in range(1 if i == 0 else 0, n + 1):
             stride = config.bev.strides[i] if j == 0 else 1
             x = layers.convolution(x, f"bev.blocks.{i}.{j}.0", f"bev.blocks.{i}.{j}.1", stride)
         factor *= config.bev.strides[i] if i > 0 else 1
-        upsampled.append(layers.enlarged(x, f"bev.ups.{i}.0", f"bev.ups.{i}.1", factor))
+        part = layers.cropped(x, tile.rows.crops[i], tile.columns.crops[i])
+        upsampled.append(layers.enlarged(part, f"bev.ups.{i}.0", f"bev.ups.{i}.1", factor))
     x = layers.joined(upsampled)
     x = layers.convolution(x, "head.shared.0", "head.shared.1")
     layers.maps(x, "head.heat", "head.box")
     maps = len(config.classes) + len(weights["head.box.bias"])
+    size = tuple(part.stop - part.start for part in tile.computed)
     return Model(
         layers.nodes,
         layers.constants,
-        [Tensor("map", (1, config.bev.widths[0], "rows", "columns"))],
+        [Tensor("map", (1, config.bev.widths[0], *size))],
         [Tensor("maps", (1, maps, "rows", "columns"))],
     )
 
@@ -60,16 +65,24 @@ def fused(
 class _Layers:
     """Collects nodes and constants. Each method adds a layer and returns the name of its output."""
 
-    def __init__(self, weights: Weights) -> None:
+    def __init__(self, weights: Weights, tile: Tile) -> None:
         self.weights = weights
+        self.pads = zip(tile.rows.pads, tile.columns.pads, strict=True)
         self.nodes: list[Node] = []
-        self.constants: dict[str, Float32Array] = {}
+        self.constants: dict[str, Float32Array | IntArray] = {}
 
     def convolution(self, x: str, layer: str, norm: str, stride: int = 1) -> str:
         """3 x 3 convolution, batch norm, ReLU."""
         inputs = self._with(layer, x, *fused(self.weights, layer, norm))
-        shape = {"kernel_shape": (3, 3), "pads": (1, 1, 1, 1), "strides": (stride, stride)}
+        shape = {**self._kernel(), "strides": (stride, stride)}
         return self._relu(Node("Conv", inputs, layer, shape))
+
+    def cropped(self, x: str, rows: slice, columns: slice) -> str:
+        """The part of a map in some rows and columns."""
+        starts, ends = f"{x}.starts", f"{x}.ends"
+        self.constants[starts] = np.array([0, 0, rows.start, columns.start])
+        self.constants[ends] = np.array([1, MOST, rows.stop, columns.stop])
+        return self._add(Node("Slice", (x, starts, ends), f"{x}.part"))
 
     def enlarged(self, x: str, layer: str, norm: str, factor: int) -> str:
         """Transposed convolution whose kernel is as wide as its stride, batch norm, ReLU.
@@ -96,8 +109,12 @@ class _Layers:
             np.concatenate([self.weights[f"{name}.{kind}"] for name in (heat, box)])
             for kind in ("weight", "bias")
         )
-        shape = {"kernel_shape": (3, 3), "pads": (1, 1, 1, 1)}
-        return self._add(Node("Conv", self._with("maps", x, weight, bias), "maps", shape))
+        return self._add(Node("Conv", self._with("maps", x, weight, bias), "maps", self._kernel()))
+
+    def _kernel(self) -> dict[str, tuple[int, ...]]:
+        """The attributes of the next 3 x 3 convolution, which pads only at borders of the map."""
+        (top, bottom), (left, right) = next(self.pads)
+        return {"kernel_shape": (3, 3), "pads": (top, left, bottom, right)}
 
     def _with(
         self, layer: str, x: str, weight: Float32Array, bias: Float32Array

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pyinfra.core.arrays import Float32Array
+from pyinfra.core.arrays import Float32Array, IntArray
 
 OPSET, IR_VERSION = 18, 8
 NUMBER, BYTES = 0, 2  # kinds of fields
-FLOAT = 1  # type of the elements of a tensor
+FLOAT, INT64 = 1, 7  # types of the elements of a tensor
 INTEGER, STRING, INTEGERS = 2, 3, 7  # types of an attribute
 Attribute = int | str | tuple[int, ...]
 Dimension = int | str  # a size, or the name of a size that is known when the model runs
@@ -43,7 +43,7 @@ class Model:
     """A graph of operations. weights: the constant inputs, by name."""
 
     nodes: Sequence[Node]
-    weights: Mapping[str, Float32Array]
+    weights: Mapping[str, Float32Array | IntArray]
     inputs: Sequence[Tensor]
     outputs: Sequence[Tensor]
 
@@ -86,12 +86,13 @@ def _value(value: Attribute) -> bytes:
     return b"".join(_number(8, number) for number in value) + _number(20, INTEGERS)
 
 
-def _constant(name: str, array: Float32Array) -> Iterator[bytes]:
+def _constant(name: str, array: Float32Array | IntArray) -> Iterator[bytes]:
+    kind, dtype = (INT64, "<i8") if array.dtype.kind == "i" else (FLOAT, "<f4")
     for size in array.shape:
         yield _number(1, size)
-    yield _number(2, FLOAT)
+    yield _number(2, kind)
     yield _text(8, name)
-    yield _bytes(9, np.ascontiguousarray(array, "<f4").tobytes())
+    yield _bytes(9, np.ascontiguousarray(array, dtype).tobytes())
 
 
 def _type(tensor: Tensor) -> bytes:

@@ -1,9 +1,8 @@
 """Rectangles of a bird's-eye map that together contain the cells near an evaluation region.
 
 The roads of a junction fill a small part of the square around them. The network is therefore
-computed on a few rectangles, which also fit better into the processor's cache. Each of them is
-larger than the part whose values are used, by the receptive field of the network. The values are
-therefore those that the whole map would give.
+computed on a few rectangles, which also fit better into the processor's cache. Each layer computes
+the cells on which the used values depend, so that these are the values of the whole map.
 """
 
 import math
@@ -17,24 +16,72 @@ from pyinfra.models.detectors.bev_config import BevConfig
 
 Part = tuple[slice, slice]  # rows and columns
 Band = tuple[int, int, int, int]  # first row, row after the last, the same of columns
+HEAD_LAYERS = 2  # 3 x 3 convolutions after the blocks
 PER_TILE = 1000.0  # number of cells whose computing time equals the constant time of a tile
+
+
+@dataclass(frozen=True)
+class Extent:
+    """A tile along one axis: its cells of the map, and the cells that each layer needs.
+
+    pads: cells beyond the map before and after the input of each 3 x 3 convolution, in the order of
+    the model. crops: the part of each block's output that is enlarged.
+    """
+
+    computed: slice
+    used: slice
+    used_inside: slice  # the used cells among those that the model returns
+    pads: tuple[tuple[int, int], ...]
+    crops: tuple[slice, ...]
 
 
 @dataclass(frozen=True)
 class Tile:
     """A rectangle of cells of the map that is computed, and the part whose values are used."""
 
-    computed: Part
-    used: Part
+    rows: Extent
+    columns: Extent
+
+    @property
+    def computed(self) -> Part:
+        return self.rows.computed, self.columns.computed
+
+    @property
+    def used(self) -> Part:
+        return self.rows.used, self.columns.used
 
     @property
     def used_inside(self) -> Part:
-        """The used part in rows and columns of the rectangle."""
-        (top, left), (rows, columns) = self.computed, self.used
-        return (
-            slice(rows.start - top.start, rows.stop - top.start),
-            slice(columns.start - left.start, columns.stop - left.start),
-        )
+        return self.rows.used_inside, self.columns.used_inside
+
+
+def extent_of(used: slice, cells: int, bev: BevConfig) -> Extent:
+    """Returns what a model computes for some used cells of an axis. cells: those of the map.
+
+    Each layer computes only the cells on which the used cells depend.
+    """
+    step = math.prod(bev.strides[1:])
+    joined = (
+        max(0, (used.start - HEAD_LAYERS) // step * step),
+        min(cells, -(-(used.stop + HEAD_LAYERS) // step) * step),
+    )
+    pads, crops, factor, end = list[tuple[int, int]](), list[slice](), step, joined
+    part = joined[0] // factor, joined[1] // factor
+    for i in reversed(range(len(bev.layers))):
+        start, stop = (cell // factor for cell in joined)
+        crops.append(slice(start - part[0], stop - part[0]))
+        for j in reversed(range(1 if i == 0 else 0, bev.layers[i] + 1)):
+            stride, most = (bev.strides[i] if j == 0 else 1), cells // factor
+            low, high = stride * part[0] - 1, stride * (part[1] - 1) + 2
+            part = max(0, low), min(stride * most, high)
+            pads.append((part[0] - low, high - part[1]))
+        factor //= bev.strides[i] if i > 0 else 1
+    pads.reverse()
+    for _ in range(HEAD_LAYERS):
+        pads.append((int(end[0] == 0), int(end[1] == cells)))
+        end = end[0] + 1 - pads[-1][0], end[1] - 1 + pads[-1][1]
+    inside = slice(used.start - end[0], used.stop - end[0])
+    return Extent(slice(*part), used, inside, tuple(pads), tuple(reversed(crops)))
 
 
 def receptive_cells(bev: BevConfig) -> int:
@@ -43,7 +90,7 @@ def receptive_cells(bev: BevConfig) -> int:
     The map is the output of the first convolution. A step is a cell of the last block.
     """
     step = math.prod(bev.strides[1:])
-    cells = math.ceil(2 / step)  # two convolutions of the head, in cells of the last block
+    cells = math.ceil(HEAD_LAYERS / step)  # in cells of the last block
     for layers, stride in zip(bev.layers[:0:-1], bev.strides[:0:-1], strict=True):
         cells = stride * (cells + layers) + 1
     return math.ceil((cells + bev.layers[0]) / step) * step
@@ -52,13 +99,14 @@ def receptive_cells(bev: BevConfig) -> int:
 def tiles_of(needed: BoolArray, bev: BevConfig) -> list[Tile]:
     """Returns tiles whose used parts contain all needed cells (rows, columns) of a map.
 
-    The map is divided into bands of rows or of columns, whichever has fewer cells to compute.
+    The map is divided into bands of rows or of columns, whichever has fewer cells to compute. The
+    layers compute about half of the receptive field around the used cells, on average.
     """
-    step, halo = math.prod(bev.strides[1:]), receptive_cells(bev)
+    step, halo = math.prod(bev.strides[1:]), receptive_cells(bev) // 2
     divisions = [_bands(needed, step, halo), _bands(needed.T, step, halo)]
     turned = divisions[1][1] < divisions[0][1]
     part = needed.T if turned else needed
-    return [_tile(band, part.shape, halo, turned=turned) for band in divisions[turned][0]]
+    return [_tile(band, part.shape, bev, turned=turned) for band in divisions[turned][0]]
 
 
 def _bands(needed: BoolArray, step: int, halo: int) -> tuple[list[Band], float]:
@@ -107,10 +155,7 @@ def _ends(needed: BoolArray, step: int) -> tuple[IntArray, IntArray]:
     return first * step, last * step
 
 
-def _tile(band: Band, shape: tuple[int, ...], halo: int, *, turned: bool) -> Tile:
+def _tile(band: Band, shape: tuple[int, ...], bev: BevConfig, *, turned: bool) -> Tile:
     used = slice(band[0], band[1]), slice(band[2], band[3])
-    rows, columns = (
-        slice(max(0, part.start - halo), min(size, part.stop + halo))
-        for part, size in zip(used, shape, strict=True)
-    )
-    return Tile((columns, rows), used[::-1]) if turned else Tile((rows, columns), used)
+    rows, columns = (extent_of(one, cells, bev) for one, cells in zip(used, shape, strict=True))
+    return Tile(columns, rows) if turned else Tile(rows, columns)
