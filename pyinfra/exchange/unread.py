@@ -9,9 +9,9 @@ from pyinfra.core.files import resolved
 
 MOST_LISTED = 12
 MOST_ENTRIES = 100_000  # larger folders are not searched
+# Files that describe a recording, or are programs, and have no data.
+TEXTS = re.compile(r"(readme|licen[cs]e|changelog)|.*\.(py|ipynb|sh)$", re.IGNORECASE)
 # Names of files and folders beside a folder of clouds that are probably labels.
-# Files that describe a recording, and have no data.
-TEXTS = re.compile(r"(readme|licen[cs]e|changelog)", re.IGNORECASE)
 LIKE_LABELS = re.compile(r"label|annot|ground.?truth|\bgts?\b|boxes|cuboid|tracks", re.IGNORECASE)
 
 
@@ -20,7 +20,7 @@ def unread_files(source: Path, reads: Sequence[Path]) -> list[str]:
 
     `reads` are the files and folders that are read. Files and folders beside the recording are
     listed if their names are those of labels. Files with a name that begins with . or
-    _ are not listed, and neither are texts such as a readme.
+    _ are not listed, and neither are texts such as a readme, or programs.
     """
     known = {resolved(path) for path in reads}
     if not known or resolved(source) in known:
@@ -29,7 +29,9 @@ def unread_files(source: Path, reads: Sequence[Path]) -> list[str]:
     top = resolved(source)
     out = list(_unread(top, "", known, above)) if top.is_dir() else []
     for path in sorted(top.parent.iterdir()):
-        if path != top and LIKE_LABELS.search(path.name) and not _is_read(path, known, above):
+        if path == top or TEXTS.match(path.name) or _is_read(path, known, above):
+            continue
+        if LIKE_LABELS.search(path.name):
             out.append(f"../{_text(path)}")
     return out
 

@@ -56,6 +56,7 @@ def fit(
 ) -> dict[str, list[list[float]]]:
     """Returns the coefficients of a class: fitted to all sites, then to resampled sites."""
     terms, scores, sites, false, seen, of_frames, of_site = [], [], [], [], [], [], []
+    spinning = []
     rng = np.random.default_rng(1)
     for run in runs:
         outcome = read(run, work)
@@ -66,6 +67,7 @@ def fit(
         boxes = (outcome.false_people if person else outcome.false)[detector]
         false.append([(boxes >= cut).sum() / outcome.frames for cut in laws.CUTS])
         seen.append(len(some) / outcome.frames)
+        spinning.append(outcome.spinning)
         of_frames.append(float(outcome.frames))
         of_site.append(run.site)
         if len(some) > MOST_OBJECT_ROWS:
@@ -75,15 +77,16 @@ def fit(
         sites.append(np.full(len(some), run.site))
     x, y, site = np.concatenate(terms), np.concatenate(scores), np.concatenate(sites)
     counts, per_frame, weights = np.array(false), np.array(seen), np.array(of_frames)
+    spins = np.array(spinning)
     places = np.unique(of_site)
     detection: list[FloatArray] = [fit_detection(x, y)]
-    rates: list[FloatArray] = [fit_false(counts, per_frame, weights)]
+    rates: list[FloatArray] = [fit_false(counts, per_frame, spins, weights)]
     for _ in range(REPLICATES):
         times = np.bincount(rng.integers(len(places), size=len(places)), minlength=len(places))
         of_row = times[np.searchsorted(places, site)].astype(float)
         detection.append(fit_detection(x, y, of_row))
         of_run = times[np.searchsorted(places, of_site)].astype(float)
-        rates.append(fit_false(counts, per_frame, weights * of_run))
+        rates.append(fit_false(counts, per_frame, spins, weights * of_run))
     return {"detection": np.round(detection, 4).tolist(), "false": np.round(rates, 4).tolist()}
 
 

@@ -48,8 +48,11 @@ def predicted(outcome: Outcome, law: laws.Law) -> dict[str, float]:
     seen = vehicles[vehicles.points > 0]
     terms = laws.object_terms(seen)
     p = laws.detection_probability(law.detection[0], terms, laws.CUT)
-    ap = average_precision(law.detection[0], law.false[0], terms, len(vehicles), outcome.frames)
-    rate = laws.false_per_frame(law.false[0], laws.CUT, len(seen) / outcome.frames)
+    spins = outcome.spinning
+    ap = average_precision(
+        law.detection[0], law.false[0], terms, len(vehicles), outcome.frames, spinning=spins
+    )
+    rate = laws.false_per_frame(law.false[0], laws.CUT, len(seen) / outcome.frames, spins)
     return {
         "ap_predicted": ap,
         "recall_predicted": 100 * float(p.sum()) / len(vehicles),
@@ -155,9 +158,9 @@ def unseen_std_of_options(options: pd.DataFrame) -> dict[str, float]:
     std = np.sqrt(squared.groupby(rows.figure).mean().clip(lower=0))
     false = rows[(rows.figure == "false_per_frame") & (rows["mean"] >= LEAST_RATE)]
     return {
-        "recall": round(std["recall"] / 100, 4),
-        "people": round(std["people_recall"] / 100, 4),
-        "ap": round(std["ap"], 2),
+        "recall": round(float(std["recall"]) / 100, 4),
+        "people": round(float(std["people_recall"]) / 100, 4),
+        "ap": round(float(std["ap"]), 2),
         "log_false": round(math.sqrt((np.log(false.value / false["mean"]) ** 2).mean()), 3),
     }
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pyinfra.core.arrays import FloatArray
+from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.experiments.planner.detectability import (
     CUTS,
     ap_of_counts,
@@ -37,14 +37,16 @@ def fit_detection(
 
 
 def fit_false(
-    counts: FloatArray, seen: FloatArray, weights: FloatArray | None = None
+    counts: FloatArray, seen: FloatArray, spinning: BoolArray, weights: FloatArray | None = None
 ) -> FloatArray:
     """Fits the law of false boxes.
 
     counts: (n, CUTS) false boxes of each experiment per frame. seen: (n,) objects with points per
-    frame. weights: (n,) frames of each experiment.
+    frame. spinning: (n,) whether the LiDAR spins. weights: (n,) frames of each experiment.
     """
-    x = np.concatenate([false_terms(np.array(CUTS), one) for one in seen])
+    x = np.concatenate(
+        [false_terms(np.array(CUTS), *one) for one in zip(seen, spinning, strict=True)]
+    )
     every = np.ones(len(seen)) if weights is None else weights
     of_row = np.repeat(every, len(CUTS)) / len(CUTS)
 
@@ -86,7 +88,13 @@ def newton(
 
 
 def average_precision(
-    coefficients: FloatArray, false: FloatArray, terms: FloatArray, objects: int, frames: int
+    coefficients: FloatArray,
+    false: FloatArray,
+    terms: FloatArray,
+    objects: int,
+    frames: int,
+    *,
+    spinning: bool = True,
 ) -> float:
     """Returns the expected AP, 0 to 100, over all objects, seen or not.
 
@@ -95,5 +103,5 @@ def average_precision(
     true_positives = np.array(
         [detection_probability(coefficients, terms, cut).sum() for cut in CUTS]
     )
-    rates = false_per_frame(false, np.array(CUTS), len(terms) / max(frames, 1))
+    rates = false_per_frame(false, np.array(CUTS), len(terms) / max(frames, 1), spinning)
     return ap_of_counts(true_positives, frames * rates, objects)

@@ -36,6 +36,7 @@ FIRST_CHECK_SITE = FIRST_SITE + 100_000
 LIDARS = (
     "ruby_plus", "helios_16", "pandar_64", "livox_avia", "hesai_xt32", "livox_horizon",
 )  # fmt: skip
+NOT_SPINNING = ("livox_avia", "livox_horizon")
 DETECTORS = ("generalist", "background")
 FIT_POSES, CHECK_POSES = 4, 6
 CHECK_SEEDS = (1, 2, 3)  # traffic on which the check measures; the prediction uses seed 0
@@ -64,10 +65,11 @@ class Outcome:
     """The stored result of a run.
 
     `objects` has a row for each object and frame: frame, id, type, person, speed, points, along,
-    across, up, distance, visibility, and score_DETECTOR (0 for an object without a box).
+    across, up, distance, visibility, spinning, and score_DETECTOR (0 for an object without a box).
     """
 
     objects: pd.DataFrame
+    spinning: bool  # whether the LiDAR spins
     frames: int
     ap: dict[str, float]  # AP of the vehicles, by detector
     false: dict[str, FloatArray]  # scores of false vehicle boxes, by detector
@@ -183,8 +185,10 @@ def read(run: Run, work: Path) -> Outcome:
         objects = pd.DataFrame(data["objects"])
         objects["type"] = objects["type"].str.decode("ascii")
         names = [name for name in DETECTORS if f"ap_{name}" in data.files]
+        spinning = run.lidar not in NOT_SPINNING
         return Outcome(
-            objects,
+            objects.assign(spinning=spinning),
+            spinning,
             int(data["frames"]),
             {name: float(data[f"ap_{name}"]) for name in names},
             {name: data[f"false_{name}"] for name in names},

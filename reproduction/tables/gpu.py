@@ -1,5 +1,6 @@
 """Makes tables about training and detection on a GPU, from results/gpu.csv."""
 
+import itertools
 from collections import Counter
 
 import pandas as pd
@@ -97,12 +98,10 @@ def batches() -> str:
 
 def hours() -> str:
     """Returns a table of the GPU hours of the study's matrix with the tier `full`."""
-    count = Counter[str]()
+    axes, each = ("detectors", "scenes", "lidars", "presets", "seeds"), list[tuple[object, ...]]()
     for part in yaml.safe_load(MATRIX.read_text(encoding="utf-8"))["matrix"]:
-        experiments = 1
-        for name in ("scenes", "lidars", "presets", "seeds"):
-            experiments *= len(part.get(name, [1]))
-        count.update(dict.fromkeys(part["detectors"], experiments))
+        each += itertools.product(*(part.get(name, [1]) for name in axes))
+    count = Counter(str(one[0]) for one in dict.fromkeys(each))  # each experiment once
     table = _rates(_measured("full"))
     best = table.groupby("detector").steps_per_s.max() if len(table) else pd.Series(dtype=float)
     rows = []

@@ -244,7 +244,9 @@ def test_what_is_not_read_is_listed(name: str, motorway: Path, tmp_path: Path) -
         (source / f"camera/front/{i}.jpg").touch()
     (source / "boxes.xlsx").touch()
     (source / "README.md").touch()
+    (source / "make_labels.py").touch()
     (source.parent / "annotations").mkdir()
+    (source.parent / "label_files.py").touch()
     found = unread_files(source, reader(name)(source, Options()).reads)
     assert [text for text in found if text not in own] == [
         "camera/ (3 .jpg)",

@@ -194,10 +194,11 @@ def test_the_laws_recover_made_up_coefficients() -> None:
             "visibility": rng.uniform(0, 1, count),
             "type": "Car",
             "speed": rng.uniform(0, 20, count),
+            "spinning": rng.random(count) < 0.5,
         }
     )
     terms = laws.object_terms(seen)
-    true = np.array([-3, 1.2, 0, 0.3, 0, -0.5, 0.5, 0, 0, 0, -1, 0])
+    true = np.array([-3, 1.2, 0, 0.3, 0, -0.5, 0, 0.5, 0, 0, 0, -1, -1, 0])
     odds = terms @ true + rng.logistic(size=count)
     # an object is found at score s if odds minus the score term is above 0
     scores = 1 / (1 + np.exp(-odds))
@@ -211,12 +212,12 @@ def test_the_laws_recover_made_up_coefficients() -> None:
 def test_a_perfect_detector_has_ap_100_and_a_blind_one_0() -> None:
     seen = pd.DataFrame(
         {"points": [99] * 9, "along": 4.0, "up": 1.0, "distance": 20.0, "visibility": 1.0,
-         "type": "Car", "speed": 1.0}
+         "type": "Car", "speed": 1.0, "spinning": True}
     )  # fmt: skip
     terms = laws.object_terms(seen)
-    sure, none = np.zeros(12), np.zeros(12)
+    sure, none = np.zeros(len(laws.OBJECT_TERMS)), np.zeros(len(laws.OBJECT_TERMS))
     sure[0], none[0] = 30, -30
-    never = np.array([-30.0, 0, 0, 0])
+    never = np.array([-30.0, *np.zeros(len(laws.FALSE_TERMS) - 1)])
     assert average_precision(sure, never, terms, 9, 3) == pytest.approx(100)
     assert average_precision(sure, never, terms, 18, 3) == pytest.approx(50)
     assert average_precision(none, never, terms, 9, 3) == pytest.approx(0, abs=1e-6)

@@ -96,7 +96,7 @@ def units_of(observed: Observed, setting: Setting) -> Units:
     """Returns the pairs that the search has not dropped as the units of a choice."""
     stayed, objects = observed.stayed, observed.objects
     probability = detection_probabilities(
-        observed.seen, len(stayed), objects, setting.law, setting.request
+        observed.seen, stayed, objects, setting.law, setting.request
     )
     of_pose = setting.poses.iloc[stayed.pose.to_numpy()]
     return Units(

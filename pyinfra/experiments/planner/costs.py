@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import yaml
 
 from pyinfra.core.arrays import BoolArray
 from pyinfra.core.errors import Error, FormatError
@@ -19,6 +20,7 @@ from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.lidars import UNCONFIRMED, catalogue_files, presets_of, price_source
 from pyinfra.experiments.planner.detectability import Detectability
 from pyinfra.experiments.planner.site import PlanSite
+from pyinfra.experiments.stress.lidar import spins
 from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import expect, read_csv
 
@@ -63,6 +65,7 @@ class PlanLidar:
     source: str  # of the price
     all_around: bool  # whether its yaw does not matter
     units: int  # number of LiDARs in a bundle, else 1
+    spinning: bool  # whether a unit of it spins
 
     @property
     def confirmed(self) -> bool:
@@ -109,7 +112,8 @@ def _open(file: Path, preset: str, world: simulation.World) -> PlanLidar:
         )
     views = [unit.azimuth[1] - unit.azimuth[0] for unit in described.field_of_view]
     around = min(360.0, sum(math.degrees(view) for view in views)) >= ALL_AROUND_DEG
-    return PlanLidar(unit.name, unit, price, price_source(file), around, len(views))
+    spinning = spins(yaml.safe_load(unit.dump()))
+    return PlanLidar(unit.name, unit, price, price_source(file), around, len(views), spinning)
 
 
 @dataclass(frozen=True, eq=False)

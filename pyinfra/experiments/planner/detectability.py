@@ -2,8 +2,9 @@
 
 P(found at score s or above) is a logistic function of a few terms of the object's points, and of
 s. False boxes per frame at score s or above are a log-linear function of s and of the number of
-objects with points. Both are fitted by `python -m reproduction detectability`. The file of the
-coefficients has replicates of the fit over generated sites, for intervals.
+objects with points. Both have terms for LiDARs that do not spin, because the points of their
+patterns lie differently on an object. Both are fitted by `python -m reproduction detectability`.
+The file of the coefficients has replicates of the fit over generated sites, for intervals.
 """
 
 import json
@@ -22,10 +23,10 @@ FILE = Path(__file__).with_name("detectability.json")
 CUTS = tuple(round(0.05 + 0.05 * i, 2) for i in range(19))  # scores of the laws
 CUT = 0.5  # minimum score of a box, if the user sets no maximum rate of false boxes
 OBJECT_TERMS = (
-    "constant", "log_points", "log_points_2", "log_along", "log_up", "distance", "visibility",
-    "large", "small", "speed", "score", "score_log_points",
+    "constant", "log_points", "log_points_2", "log_along", "log_up", "distance", "log_distance",
+    "visibility", "large", "small", "speed", "not_spinning", "score", "score_log_points",
 )  # fmt: skip
-FALSE_TERMS = ("constant", "score", "score_2", "log_seen")
+FALSE_TERMS = ("constant", "score", "score_2", "log_seen", "not_spinning")
 LARGE, SMALL = ("Truck", "Bus"), ("Motorcycle", "Pedestrian")
 
 
@@ -105,9 +106,11 @@ def score_term(cut: float | FloatArray) -> FloatArray:
 def object_terms(seen: pd.DataFrame) -> FloatArray:
     """Returns the terms (n, OBJECT_TERMS) of seen objects, for a score of 0.5.
 
-    seen: columns points, along, up, distance, visibility, type, speed.
+    seen: columns points, along, up, distance, visibility, type, speed, spinning (whether the LiDAR
+    spins).
     """
     log_points = np.log(seen.points.to_numpy(float))
+    distance = seen.distance.to_numpy(float) / 50
     return np.column_stack(
         [
             np.ones(len(seen)),
@@ -115,11 +118,13 @@ def object_terms(seen: pd.DataFrame) -> FloatArray:
             log_points**2 / 10,
             np.log(0.1 + seen.along.to_numpy(float)),
             np.log(0.1 + seen.up.to_numpy(float)),
-            seen.distance.to_numpy(float) / 50,
+            distance,
+            np.log(0.1 + distance),
             seen.visibility.to_numpy(float),
             seen.type.isin(LARGE).to_numpy(float),
             seen.type.isin(SMALL).to_numpy(float),
             seen.speed.to_numpy(float) / 10,
+            1 - seen.spinning.to_numpy(float),
             np.zeros(len(seen)),
             np.zeros(len(seen)),
         ]
@@ -140,22 +145,31 @@ def detection_probability(coefficients: FloatArray, terms: FloatArray, cut: floa
     return np.asarray(1 / (1 + np.exp(-odds)))
 
 
-def false_terms(cut: float | FloatArray, seen_per_frame: float | FloatArray) -> FloatArray:
-    """Returns the terms (n, FALSE_TERMS) of false boxes at scores, or at numbers of objects."""
+def false_terms(
+    cut: float | FloatArray, seen_per_frame: float | FloatArray, spinning: float
+) -> FloatArray:
+    """Returns the terms (n, FALSE_TERMS) of false boxes at scores, or at numbers of objects.
+
+    spinning: share of the LiDARs that spin, 0 to 1.
+    """
     score, seen = np.broadcast_arrays(score_term(cut), np.log1p(seen_per_frame))
     score, seen = np.atleast_1d(score), np.atleast_1d(seen)
-    return np.column_stack([np.ones(len(score)), score, score**2 / 10, seen])
+    other = np.full(len(score), 1.0 - spinning)
+    return np.column_stack([np.ones(len(score)), score, score**2 / 10, seen, other])
 
 
 def false_per_frame(
-    coefficients: FloatArray, cut: float | FloatArray, seen_per_frame: float | FloatArray
+    coefficients: FloatArray,
+    cut: float | FloatArray,
+    seen_per_frame: float | FloatArray,
+    spinning: float,
 ) -> FloatArray:
     """Returns the expected number of false boxes in a frame at a score of `cut` or above."""
-    return np.exp(np.clip(false_terms(cut, seen_per_frame) @ coefficients, -30, 10))
+    return np.exp(np.clip(false_terms(cut, seen_per_frame, spinning) @ coefficients, -30, 10))
 
 
 def cut_of(
-    coefficients: FloatArray, seen_per_frame: float, most_per_frame: float
+    coefficients: FloatArray, seen_per_frame: float, spinning: float, most_per_frame: float
 ) -> tuple[float, bool]:
     """Returns the minimum score of a box, and whether false boxes are as rare as the user asks.
 
@@ -163,7 +177,7 @@ def cut_of(
     """
     if not np.isfinite(most_per_frame):
         return CUT, True
-    rates = false_per_frame(coefficients, np.array(CUTS), seen_per_frame)
+    rates = false_per_frame(coefficients, np.array(CUTS), seen_per_frame, spinning)
     good = np.flatnonzero(rates <= most_per_frame)
     return (CUTS[good[0]], True) if len(good) else (CUTS[-1], False)
 

@@ -65,7 +65,7 @@ class Objects:
 class Observed:
     """Pairs of pose and LiDAR, and the observations of those that were not left out."""
 
-    pairs: pd.DataFrame  # pose, lidar, frames, recall, left_out
+    pairs: pd.DataFrame  # pose, lidar, frames, spinning, recall, left_out
     seen: pd.DataFrame  # observations of the pairs that stayed, with `pair` and `object`
     objects: Objects
 
@@ -106,11 +106,12 @@ def check_site(site: PlanSite, request: Request, check_frames: int, *, drawn: bo
 
 
 def joined(rows: pd.DataFrame, pairs: pd.DataFrame, objects: Objects) -> pd.DataFrame:
-    """Returns observations with their pair, object, type and speed."""
+    """Returns observations with their pair, object, type and speed, and whether the LiDAR spins."""
     index = pd.Series(pairs.index, index=pd.MultiIndex.from_frame(pairs[["pose", "lidar"]]))
     pair = index.reindex(pd.MultiIndex.from_frame(rows[["pose", "lidar"]])).to_numpy()
     table = objects.table[["frame", "id", "type", "speed"]].assign(object=objects.table.index)
-    rows = rows.drop(columns=["pose", "lidar"]).assign(pair=pair)
+    rows = rows.drop(columns=["pose", "lidar"])
+    rows = rows.assign(pair=pair, spinning=pairs.spinning.to_numpy()[pair])
     return rows.merge(table, on=["frame", "id"], how="inner")
 
 

@@ -67,19 +67,24 @@ class _Seen:
 
 
 def detection_probabilities(
-    seen: pd.DataFrame, pairs: int, objects: Objects, law: Detectability, request: Request
+    seen: pd.DataFrame, pairs: pd.DataFrame, objects: Objects, law: Detectability, request: Request
 ) -> Float32Array:
     """Returns the probability (pairs, objects) that each pair finds each object.
 
     Boxes count from a score of CUT or, if the request limits false boxes, from the lowest score of
     the pair that keeps them that rare.
     """
-    out = np.zeros((pairs, len(objects.table)), np.float32)
+    out = np.zeros((len(pairs), len(objects.table)), np.float32)
     pair, at = seen.pair.to_numpy(), seen.object.to_numpy()
     person = objects.table.person.to_numpy(bool)[at]
-    per_frame = np.bincount(pair[~person], minlength=pairs) / max(objects.frames, 1)
+    per_frame = np.bincount(pair[~person], minlength=len(pairs)) / max(objects.frames, 1)
     false = law.vehicles.false[0]
-    cuts = np.array([cut_of(false, float(n), request.most_false)[0] for n in per_frame])
+    cuts = np.array(
+        [
+            cut_of(false, float(n), float(spins), request.most_false)[0]
+            for n, spins in zip(per_frame, pairs.spinning, strict=True)
+        ]
+    )
     terms = object_terms(seen)
     for of_class, rows in ((law.vehicles, ~person), (law.people, person)):
         for cut in np.unique(cuts):
@@ -107,7 +112,8 @@ def predict(
     # The detector runs on the fused points, so that an object that several units see is one object.
     every = {number for one in of_vehicles for number in one.object.tolist()}
     per_frame = len(every) / max(objects.frames, 1)
-    cut, keeps = cut_of(law.vehicles.false[0], per_frame, request.most_false)
+    spinning = float(observed.stayed.spinning.iloc[[*units]].mean())
+    cut, keeps = cut_of(law.vehicles.false[0], per_frame, spinning, request.most_false)
     probability = _either(of_vehicles, law.vehicles, cut, len(person))
     if law.people is not None and person.any():
         of_people = _either(_seen(observed, units, person), law.people, cut, len(person))
@@ -119,7 +125,7 @@ def predict(
     def share(counted: BoolArray) -> Interval:
         return _share(probability, counted & known, objects, std)
 
-    rates = false_per_frame(law.vehicles.false.T, cut, per_frame)[0]
+    rates = false_per_frame(law.vehicles.false.T, cut, per_frame, spinning)[0]
     logs, rate = np.log(np.maximum(rates, 1e-9)), float(rates[0])
     factor = float(np.exp(_half_width(logs, law.unseen.log_false**2)))
     false = Interval(rate, rate / factor, rate * factor)  # symmetric in the logarithm
@@ -130,7 +136,9 @@ def predict(
         weighted=float(probability[:, 0] @ objects.weight / objects.total),
         # If no score keeps false boxes as rare as asked, none makes them rarer than predicted.
         false_per_frame=false if keeps else replace(false, low=rate),
-        ap=_limited(_aps(of_vehicles, law.vehicles, per_frame, objects), 100, law.unseen.ap**2),
+        ap=_limited(
+            _aps(of_vehicles, law.vehicles, per_frame, spinning, objects), 100, law.unseen.ap**2
+        ),
         position_m=float("nan"),
         source=PREDICTED,
     )
@@ -152,11 +160,13 @@ def _either(seen: Sequence[_Seen], law: Law, cut: float, objects: int) -> FloatA
     return 1 - missed
 
 
-def _aps(seen: Sequence[_Seen], law: Law, seen_per_frame: float, objects: Objects) -> list[float]:
+def _aps(
+    seen: Sequence[_Seen], law: Law, seen_per_frame: float, spinning: float, objects: Objects
+) -> list[float]:
     """Returns the AP (0 to 100) over all present vehicles, for the fit and its replicates."""
     every, count = int((~objects.table.person).sum()), len(objects.table)
     true_positives = np.array([_either(seen, law, cut, count).sum(0) for cut in CUTS])
-    rates = false_per_frame(law.false.T, np.array(CUTS), seen_per_frame)
+    rates = false_per_frame(law.false.T, np.array(CUTS), seen_per_frame, spinning)
     return [
         ap_of_counts(detected, objects.frames * rate, every)
         for detected, rate in zip(true_positives.T, rates.T, strict=True)

@@ -32,6 +32,7 @@ def race(setting: Setting, possible: BoolArray) -> Observed:
     site, request, effort = setting.site, setting.request, setting.effort
     at = np.argwhere(possible)
     pairs = pd.DataFrame({"pose": at[:, 0], "lidar": at[:, 1], "frames": 0, "left_out": ""})
+    pairs["spinning"] = np.array([lidar.spinning for lidar in setting.lidars])[at[:, 1]]
     given = given_places(setting.poses)[at[:, 0]]
     alive = np.ones(len(pairs), bool)
     seen = pd.DataFrame()
@@ -47,7 +48,7 @@ def race(setting: Setting, possible: BoolArray) -> Observed:
         seen = pd.concat([seen, joined(rows, pairs, objects)], ignore_index=True)
         seen = seen[alive[seen.pair]]
         pairs.loc[alive, "frames"] = end
-        probability = detection_probabilities(seen, len(pairs), objects, setting.law, request)
+        probability = detection_probabilities(seen, pairs, objects, setting.law, request)
         per_frame = frame_sums(probability, objects)
         pairs.loc[alive, "recall"] = per_frame[alive].sum(1) / objects.total
         effort.tell(f"{alive.sum()} pairs of pose and LiDAR, {end} frames")
