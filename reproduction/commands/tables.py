@@ -153,6 +153,7 @@ TEXTS: dict[str, Callable[[], str]] = {
     "integration": sentences_of_models.integration,
     "label times": sentences_of_models.label_times,
     "placement": sentences_of_models.placement,
+    "plan intervals": sentences_of_models.plan_intervals,
     "models of a LiDAR": sentences_of_models.lidar_models,
     "tracks": sentences_of_models.tracks,
     "live tracking": sentences_of_models.follow,

@@ -181,6 +181,20 @@ def people() -> str:
     )
 
 
+def plan_intervals() -> str:
+    table = results("plan_coverage_summary").query("lidar == 'all'")
+    inside = table.set_index(["figure", "source"]).inside_percent
+    share, ap = (
+        [f"{inside[figure, source]:.0f}" for source in ("predicted", "simulated")]
+        for figure in ("recall", "ap")
+    )
+    return (
+        "The 95 % intervals of predicted shares of vehicles contain the mean of further traffic "
+        f"for {share[0]} % of the options, and those of simulated shares for {share[1]} %. For the "
+        f"AP, they do so for {ap[0]} % and {ap[1]} %."
+    )
+
+
 def unseen() -> str:
     table = of_unseen_sites()
     keep = (table.condition == "as known") & (table["class"] == "vehicle")
