@@ -86,7 +86,9 @@ def engine_of_package(folder: Path, threads: int, clock: Clock) -> Detector:
     )
     assert isinstance(detector, OnRoad)
     assert isinstance(detector.detector, OnnxDetector)
-    detector.detector.session = Session(detector.detector.session, clock)
+    detector.detector.tiles = [
+        (tile, Session(session, clock)) for tile, session in detector.detector.tiles
+    ]
     detector.detector.map.of = clock.timed(PILLARS, detector.detector.map.of)  # type: ignore[method-assign]
     return detector
 
