@@ -233,6 +233,7 @@ def test_changed_code_is_refused(monkeypatch: pytest.MonkeyPatch, capsys) -> Non
     from reproduction.commands import results
 
     monkeypatch.setattr(engine, "changed_code", lambda: ["cpp/a.cpp"])
+    monkeypatch.setattr(engine, "RECORD", "none.csv")  # no file is up to date
     monkeypatch.setattr(sys, "argv", ["results", "people.csv"])
     with pytest.raises(
         Error, match=r"expected committed code, got uncommitted changes in cpp/a\.cpp"
