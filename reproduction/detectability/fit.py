@@ -94,11 +94,12 @@ def average_precision(
     objects: int,
     frames: int,
     *,
-    spinning: bool = True,
+    spinning: bool,
 ) -> float:
     """Returns the expected AP, 0 to 100, over all objects, seen or not.
 
-    terms: terms of the seen objects. objects: number of all objects in the frames.
+    terms: terms of the seen objects. objects: number of all objects in the frames. spinning:
+    whether the LiDAR spins.
     """
     true_positives = np.array(
         [detection_probability(coefficients, terms, cut).sum() for cut in CUTS]

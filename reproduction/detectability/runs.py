@@ -8,6 +8,7 @@ scores of the false boxes.
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ from pyinfra.experiments.planner.candidates import (
 )
 from pyinfra.experiments.planner.simulate import Measured, detector_for, frames_at, measure_frames
 from pyinfra.experiments.planner.site import PlanSite, open_site
+from pyinfra.experiments.stress.lidar import spins
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.models.inference.boxes_table import detect
 from pyinfra.scenes.generator.generate import make_site
@@ -36,7 +38,6 @@ FIRST_CHECK_SITE = FIRST_SITE + 100_000
 LIDARS = (
     "ruby_plus", "helios_16", "pandar_64", "livox_avia", "hesai_xt32", "livox_horizon",
 )  # fmt: skip
-NOT_SPINNING = ("livox_avia", "livox_horizon")
 DETECTORS = ("generalist", "background")
 FIT_POSES, CHECK_POSES = 4, 6
 CHECK_SEEDS = (1, 2, 3)  # traffic on which the check measures; the prediction uses seed 0
@@ -179,13 +180,19 @@ def objects_of(
     return table.fillna(zero)
 
 
+@cache
+def is_spinning(lidar: str) -> bool:
+    """Returns whether a unit of a LiDAR of the catalogue spins."""
+    return spins(yaml.safe_load(load_lidar(lidar_file(lidar), "datasheet").dump()))
+
+
 def read(run: Run, work: Path) -> Outcome:
     """Reads the file of a run."""
     with np.load(work / f"{run.name}.npz") as data:
         objects = pd.DataFrame(data["objects"])
         objects["type"] = objects["type"].str.decode("ascii")
         names = [name for name in DETECTORS if f"ap_{name}" in data.files]
-        spinning = run.lidar not in NOT_SPINNING
+        spinning = is_spinning(run.lidar)
         return Outcome(
             objects.assign(spinning=spinning),
             spinning,

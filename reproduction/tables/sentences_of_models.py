@@ -184,14 +184,16 @@ def people() -> str:
 def plan_intervals() -> str:
     table = results("plan_coverage_summary").query("lidar == 'all'")
     inside = table.set_index(["figure", "source"]).inside_percent
-    share, ap = (
+    options = table[table.figure == "recall"].options.max()
+    share, ap, false = (
         [f"{inside[figure, source]:.0f}" for source in ("predicted", "simulated")]
-        for figure in ("recall", "ap")
+        for figure in ("recall", "ap", "false_per_frame")
     )
     return (
         "The 95 % intervals of predicted shares of vehicles contain the mean of further traffic "
-        f"for {share[0]} % of the options, and those of simulated shares for {share[1]} %. For the "
-        f"AP, they do so for {ap[0]} % and {ap[1]} %."
+        f"for {share[0]} % of {options} options, and those of simulated shares for {share[1]} %. "
+        f"For the AP, they do so for {ap[0]} % and {ap[1]} %, and for the number of false boxes "
+        f"for {false[0]} % and {false[1]} %."
     )
 
 

@@ -218,9 +218,9 @@ def test_a_perfect_detector_has_ap_100_and_a_blind_one_0() -> None:
     sure, none = np.zeros(len(laws.OBJECT_TERMS)), np.zeros(len(laws.OBJECT_TERMS))
     sure[0], none[0] = 30, -30
     never = np.array([-30.0, *np.zeros(len(laws.FALSE_TERMS) - 1)])
-    assert average_precision(sure, never, terms, 9, 3) == pytest.approx(100)
-    assert average_precision(sure, never, terms, 18, 3) == pytest.approx(50)
-    assert average_precision(none, never, terms, 9, 3) == pytest.approx(0, abs=1e-6)
+    assert average_precision(sure, never, terms, 9, 3, spinning=True) == pytest.approx(100)
+    assert average_precision(sure, never, terms, 18, 3, spinning=True) == pytest.approx(50)
+    assert average_precision(none, never, terms, 9, 3, spinning=True) == pytest.approx(0, abs=1e-6)
 
 
 def test_plan_writes_its_tables_and_resumes(tmp_path: Path) -> None:
