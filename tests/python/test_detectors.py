@@ -22,6 +22,7 @@ from pyinfra.models.detectors import Detections  # noqa: E402
 from pyinfra.models.detectors import network as network_module  # noqa: E402
 from pyinfra.models.detectors.anchors import AnchorConfig, Anchors, decode, encode, is_backwards  # noqa: E402
 from pyinfra.models.detectors.batch import make_batch  # noqa: E402
+from pyinfra.models.detectors.bev import Convolution  # noqa: E402
 from pyinfra.models.detectors.catalogue import DETECTORS  # noqa: E402
 from pyinfra.models.detectors.centre_head import AxisHead, CentreHead  # noqa: E402
 from pyinfra.models.detectors.detection_area import Area, Site, site_of  # noqa: E402
@@ -411,6 +412,22 @@ def test_the_site_is_as_wide_as_the_region_whatever_a_lidar_sees_of_it() -> None
     assert sites[0] == sites[1]
     assert sites[0].area.low == (-28, -13, -7)
     assert sites[0].area.high == (88, 18, -3)
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+def test_gradients_of_a_convolution_are_those_of_torch(stride: int) -> None:
+    torch.manual_seed(1)
+    layer = Convolution(3, 5, stride).to(memory_format=torch.channels_last)
+    x = torch.randn(2, 3, 6, 8).to(memory_format=torch.channels_last).requires_grad_()
+    plain = torch.nn.functional.conv2d(x, layer.weight, None, stride, padding=1)
+    wanted = torch.autograd.grad(plain.square().sum(), (x, layer.weight))
+    output = layer(x)
+    assert type(output.grad_fn).__name__ == "PlaneGradientBackward"
+    assert torch.equal(output, plain)
+    for gradient, right in zip(
+        torch.autograd.grad(output.square().sum(), (x, layer.weight)), wanted, strict=True
+    ):
+        torch.testing.assert_close(gradient, right)
 
 
 def test_residuals_of_anchors_round_trip_through_every_heading() -> None:

@@ -80,7 +80,7 @@ class PillarEncoder(nn.Module):
             row, column = row - view.first[frame, 0], column - view.first[frame, 1]
             pillar = (frame * rows + row) * columns + column
         canvas = features.new_zeros(frames * rows * columns, self.width)
-        canvas = canvas.index_put((pillar,), features)
+        canvas.index_put_((pillar,), features)
         # The memory layout is channels last.
         return canvas.view(frames, rows, columns, self.width).permute(0, 3, 1, 2)
 

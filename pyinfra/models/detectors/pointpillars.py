@@ -57,10 +57,15 @@ class AnchorHead(nn.Module):
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Maps (B, C, H, W) to (B, n), (B, n, 7) and (B, n, 2), where n = H * W * per_cell."""
 
-        def flat(y: Tensor, width: int) -> Tensor:
-            return y.permute(0, 2, 3, 1).reshape(len(y), -1, width).float()
-
-        return flat(self.score(x), 1)[..., 0], flat(self.box(x), 7), flat(self.direction(x), 2)
+        # One product is faster than three convolutions.
+        layers = (self.score, self.box, self.direction)
+        weight = torch.cat([layer.weight for layer in layers]).flatten(1)
+        bias = torch.cat([layer.get_parameter("bias") for layer in layers])
+        outputs = functional.linear(x.permute(0, 2, 3, 1), weight, bias).float()
+        parts = torch.split(outputs, [layer.out_channels for layer in layers], dim=-1)
+        score, box, direction = (part.flatten(1) for part in parts)
+        frames = len(x)
+        return score, box.view(frames, -1, 7), direction.view(frames, -1, 2)
 
     def losses(self, x: Tensor, boxes: tuple[Tensor, ...]) -> Losses:
         """Returns the losses of a canvas (B, C, H, W), which may be smaller than the area.
