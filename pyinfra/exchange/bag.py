@@ -23,9 +23,8 @@ from pyinfra.core.errors import Error, FormatError
 from pyinfra.exchange import ros_messages as ros
 from pyinfra.exchange.data_set import levelled
 from pyinfra.exchange.nuscenes_tables import angles_of
-from pyinfra.exchange.pcd import FIRST
-from pyinfra.exchange.point_fields import PointFields, cloud_notes, map_offset
-from pyinfra.exchange.record_clouds import points_of
+from pyinfra.exchange.point_fields import PointFields
+from pyinfra.exchange.record_clouds import FIRST, points_of, readable
 from pyinfra.exchange.recording import NO_BOXES, Options, RecordedFrame, Recording
 from pyinfra.formats.kitti import WorldPose
 
@@ -93,7 +92,7 @@ class Bag:
         def frame(i: int) -> RecordedFrame:
             location = f"{self.source}: {self.topic}: cloud {i}"
             records = self.records(i)
-            points = points_of(location, records, self.options, self.offset)
+            points = points_of(location, records, self.options, self.fields.offset)
             boxes = NO_BOXES
             if i in of_cloud:
                 kind = contents.topics[contents.box_topic][0]
@@ -123,7 +122,7 @@ class Bag:
             for name, (kind, count) in self.contents.topics.items()
             if name not in read and kind not in ros.TRANSFORMS and count > 0
         ]
-        return [f"topic {topic}" for topic in topics] + self.fields.unread(self._first)
+        return [f"topic {topic}" for topic in topics] + self.fields.unread()
 
     def records(self, i: int) -> Records:
         """Reads the cloud with an index. Raises FormatError."""
@@ -145,23 +144,12 @@ class Bag:
         return (raw for _, _, raw in itertools.islice(messages, skip, None))
 
     @cached_property
-    def _first(self) -> list[Records]:
-        out = []
-        for i in range(min(FIRST, len(self.contents.times_ns))):
-            with contextlib.suppress(FormatError):
-                out.append(self.records(i))
-        return out
-
-    @cached_property
     def fields(self) -> PointFields:
-        return PointFields(self._first)
-
-    @cached_property
-    def offset(self) -> FloatArray:
-        return map_offset(self._first)
+        first = range(min(FIRST, len(self.contents.times_ns)))
+        return PointFields(readable(self.records, first))
 
     def _field_notes(self) -> list[str]:
-        notes = cloud_notes(self.fields, self.offset, self._first)
+        notes = self.fields.cloud_notes()
         others = [
             name for name, (kind, _) in self.contents.topics.items() if self._unread(name, kind)
         ]

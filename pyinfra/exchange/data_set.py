@@ -103,7 +103,7 @@ def write_lidar(
         if summary.points == before:
             summary.empty.append(recording.names[i])
     _write_lists(out, recording, numbers)
-    summary.not_read = recording.unread_parts() if recording.unread_parts else []
+    summary.not_read = recording.unread_parts()
     if summary.unread_keys:
         summary.not_read.append(f"keys of labels: {', '.join(sorted(summary.unread_keys))}")
     summary.not_read = [*facts.not_read, *summary.not_read]

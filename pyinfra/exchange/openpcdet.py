@@ -21,7 +21,6 @@ from pyinfra.exchange.box_text import write_boxes
 from pyinfra.exchange.label_files import open_labels
 from pyinfra.exchange.openpcdet_configs import write_configs
 from pyinfra.exchange.recording import (
-    NO_BOXES,
     Boxes,
     Options,
     RecordedFrame,
@@ -75,9 +74,8 @@ def read(source: Path, options: Options) -> Recording:
     sensor. Raises FileNotFoundError, and Error for labels that do not pair with clouds. Reading a
     frame raises FormatError.
     """
-    clouds = sorted_files(source / "points", [".npy", ".bin"])
-    labels = open_labels(clouds, source, options)
-    clouds = labels.clouds if labels else clouds
+    labels = open_labels(sorted_files(source / "points", [".npy", ".bin"]), source, options)
+    clouds = labels.clouds
     height = read_sensor_height(source)
     names = tuple(stem(file) for file in clouds)
     bins = [file for file in clouds if file.suffix.lower() == ".bin"]
@@ -85,20 +83,20 @@ def read(source: Path, options: Options) -> Recording:
 
     def frame(i: int) -> RecordedFrame:
         points = _read_cloud(clouds[i], columns, options)
-        boxes = labels.read(names[i]) if labels else NO_BOXES
+        boxes = labels.read(names[i])
         return RecordedFrame(_lowered(points, height), _lowered_boxes(boxes, height))
 
     splits, notes = read_splits(source / "ImageSets", names)
-    notes += [*(labels.notes if labels else ()), *([note] if note else [])]
+    notes += [*labels.notes, *([note] if note else [])]
     return Recording(
         names,
         frame,
-        labels is not None,
+        labels.labelled,
         splits,
-        tracks_sha256=labels.tracks_sha256 if labels else "",
+        tracks_sha256=labels.tracks_sha256,
         notes=lambda: notes,
         reads=(
-            *(*clouds, *(labels.files if labels else ())),
+            *(*clouds, *labels.files),
             *(source / name for name in ("ImageSets", SENSOR_FILE, "cfgs")),
         ),
     )

@@ -16,9 +16,8 @@ from velodyne_decoder.util import iter_pcap
 
 from pyinfra.core.arrays import Records
 from pyinfra.core.errors import Error, FormatError
-from pyinfra.exchange.pcd import FIRST
 from pyinfra.exchange.point_fields import PointFields
-from pyinfra.exchange.record_clouds import points_of
+from pyinfra.exchange.record_clouds import FIRST, points_of
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Options,
