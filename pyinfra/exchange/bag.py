@@ -16,12 +16,11 @@ from typing import Any
 import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
-from scipy.spatial.transform import Rotation
 
 from pyinfra.core.arrays import FloatArray, Records
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.exchange import ros_messages as ros
-from pyinfra.exchange.data_set import levelled
+from pyinfra.exchange.data_set import upright
 from pyinfra.exchange.nuscenes_tables import angles_of
 from pyinfra.exchange.point_fields import PointFields
 from pyinfra.exchange.record_clouds import FIRST, points_of, readable
@@ -86,8 +85,6 @@ class Bag:
         notes = [] if stamped else ["stamps of clouds are not set: times of the bag are used"]
         pose, tilt = self._pose(notes)
         of_cloud = self._boxes_by_cloud(seconds, notes) if contents.boxes else {}
-        lean = Rotation.from_euler("ZYX", [0, *(tilt or (0.0, 0.0))]).as_matrix()
-        tracked = bool(contents.boxes)
 
         def frame(i: int) -> RecordedFrame:
             location = f"{self.source}: {self.topic}: cloud {i}"
@@ -97,30 +94,28 @@ class Bag:
             if i in of_cloud:
                 kind = contents.topics[contents.box_topic][0]
                 boxes = ros.boxes_of(f"{location}: boxes", of_cloud[i], kind, self.ids)
-            recorded = RecordedFrame(points, boxes, self.fields.read(location, records))
-            return levelled(recorded, lean) if tilt else recorded
+            return RecordedFrame(points, boxes, self.fields.read(location, records))
 
-        digest = f"{self.source.name}:{contents.box_topic}:{len(times)}" if tracked else ""
-        return Recording(
+        digest = f"{self.source.name}:{contents.box_topic}:{len(times)}"
+        recording = Recording(
             tuple(f"{i:06d}" for i in range(len(times))),
             frame,
             labelled=bool(contents.boxes),
             pose=pose,
-            tilt=tilt,
-            tracks_sha256=digest,
+            tracks_sha256=digest if contents.boxes else "",
             times=lambda: seconds,
             notes=lambda: [*notes, *self._field_notes()],
             reads=_files(self.source),
             unread_parts=self._unread_parts,
         )
+        return upright(recording, tilt)
 
     def _unread_parts(self) -> list[str]:
         """Returns texts with the topics and the fields of points that are not read."""
-        read = (self.topic, self.contents.box_topic)
         topics = [
             f"{name} ({kind.rpartition('/')[2]}, {count})"
             for name, (kind, count) in self.contents.topics.items()
-            if name not in read and kind not in ros.TRANSFORMS and count > 0
+            if self._unread(name, kind) and count > 0
         ]
         return [f"topic {topic}" for topic in topics] + self.fields.unread()
 

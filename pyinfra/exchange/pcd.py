@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -24,11 +23,11 @@ from pyinfra.exchange.point_fields import (
 )
 from pyinfra.exchange.record_clouds import FIRST, RecordClouds, readable
 from pyinfra.exchange.recording import Options, Recording, as_points, read_splits
+from pyinfra.exchange.series import point_records, read_fields
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti.layout import FARTHEST_M
 from pyinfra.formats.pcd_file import Header, Viewpoint, read_header, read_pcd, write_pcd
 
-POINT_FIELDS: list[tuple[str, Any]] = [(name, "<f4") for name in ("x", "y", "z", "intensity")]
 # Maps additional fields of the .pcd files to their names in kitti.FIELDS.
 MORE = {
     "time": "time_s",
@@ -47,16 +46,10 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     for part in ("points", "labels"):
         (out / part).mkdir()
     cameras = read_cameras(lidar_folder, frames)
-    has_fields = (lidar_folder / "training/fields").is_dir()
     for frame, camera in zip(frames, cameras.of_frame, strict=True):
         points = kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", frame))
-        file = kitti.frame_file(lidar_folder, "fields", frame)
-        fields = kitti.read_fields(file) if has_fields else None
-        if fields is not None and len(fields) != len(points):
-            raise FormatError(
-                f"{file}: expected {len(points)} records, one for each point, got {len(fields)}"
-            )
-        write_pcd(out / f"points/{frame:06d}.pcd", _records(points, fields))
+        fields = read_fields(lidar_folder, frame, len(points))
+        write_pcd(out / f"points/{frame:06d}.pcd", point_records(points, fields, MORE))
         file = kitti.frame_file(lidar_folder, "label_2", frame)
         labels = kitti.read_labels(file, calibration=cameras.different[camera])
         known = known_objects(kitti.frame_file(lidar_folder, "objects", frame), labels)
@@ -158,17 +151,6 @@ def _stamp(records: Records) -> float | None:
     values = records[name] if name else np.empty(0)
     values = values[np.isfinite(values) & (values > 0)]
     return seconds_of_stamp(float(values.min())) if len(values) > 0 else None
-
-
-def _records(points: Points, fields: Records | None) -> Records:
-    more = [(name, kitti.FIELDS[field_name]) for name, field_name in MORE.items()]
-    out = np.empty(len(points), dtype=POINT_FIELDS if fields is None else [*POINT_FIELDS, *more])
-    for i, (name, _) in enumerate(POINT_FIELDS):
-        out[name] = points[:, i]
-    if fields is not None:
-        for name, field_name in MORE.items():
-            out[name] = fields[field_name]
-    return out
 
 
 @unchecked

@@ -8,16 +8,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from pyinfra.core.errors import FormatError
 from pyinfra.core.files import resolved
-from pyinfra.exchange.data_set import levelled
+from pyinfra.exchange.data_set import upright
 from pyinfra.exchange.json_boxes import read_json, shown
 from pyinfra.exchange.label_files import object_labels
 from pyinfra.exchange.nuscenes_tables import angles_of
 from pyinfra.exchange.pcd import Clouds
-from pyinfra.exchange.recording import Options, RecordedFrame, Recording, sorted_files
+from pyinfra.exchange.recording import Options, Recording, sorted_files
 from pyinfra.formats.kitti import WorldPose
 
 LABELS = ("label", "labels")
@@ -36,14 +35,7 @@ def read(source: Path, options: Options) -> Recording:
     folder = options.labels or next((path for path in beside if path.is_dir()), None)
     labels = object_labels(clouds, folder)
     pose, tilt = _pose(top / f"calib/lidar2world/{pole}.json")
-    leaning = Rotation.from_euler("ZYX", [0, *(tilt or (0.0, 0.0))]).as_matrix()
-    tilted = Clouds(labels, options).recording()
-
-    def frame(i: int) -> RecordedFrame:
-        recorded = tilted.read(i)
-        return levelled(recorded, leaning) if tilt else recorded
-
-    return replace(tilted, read=frame, pose=pose, tilt=tilt)
+    return replace(upright(Clouds(labels, options).recording(), tilt), pose=pose)
 
 
 def _pose(file: Path) -> tuple[WorldPose | None, tuple[float, float] | None]:
