@@ -173,15 +173,12 @@ def _of_json(clouds: list[Path], files: list[Path]) -> LabelFiles:
         )
     key = {"SUSTechPOINTS": "obj_id", "DAIR-V2X": "track_id"}.get(kind, "openlabel")
     digest = track_digest(files, key)
-
-    def read(name: str) -> Boxes:
-        if kind == "SUSTechPOINTS":
-            return read_sustech(by_name[name], ids)
-        if kind == "OpenLABEL":
-            return read_cuboids(by_name[name], ids)
-        return read_objects(by_name[name], ids if digest else None)
-
-    return LabelFiles(kept, read, tuple(files), tuple(notes), digest)
+    read: Callable[[Path], Boxes] = {
+        "SUSTechPOINTS": lambda file: read_sustech(file, ids),
+        "OpenLABEL": lambda file: read_cuboids(file, ids),
+        "DAIR-V2X": lambda file: read_objects(file, ids if digest else None),
+    }[kind]
+    return LabelFiles(kept, lambda name: read(by_name[name]), tuple(files), tuple(notes), digest)
 
 
 def _kind(files: Sequence[Path]) -> str:

@@ -1,7 +1,5 @@
 """Reads .las and .laz clouds, one file per frame, with laspy."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

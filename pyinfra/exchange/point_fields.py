@@ -57,7 +57,9 @@ class PointTimes:
     def seconds(self, records: Records) -> FloatArray:
         """Returns the time (n,) of each point since the start of the frame; 0 if it is invalid."""
         values = records[self.field]
-        valid = is_valid(values, absolute=self.is_absolute)
+        valid = np.isfinite(values)
+        if self.is_absolute:  # then 0 means a ray without a return
+            valid &= values > 0
         out = np.zeros(len(values))
         if valid.any():
             # Large numbers lose digits, so the subtraction comes before the conversion.
@@ -187,12 +189,6 @@ def offset_note(offset: FloatArray) -> str:
         f"coordinates are those of a map: ({x:.0f}, {y:.0f}, {z:.0f}) is subtracted. The sensor is "
         "probably not at the origin"
     )
-
-
-def is_valid(values: AnyArray, *, absolute: bool) -> AnyArray:
-    """Returns (n,) whether times are finite. An absolute time of 0 means a ray without a return."""
-    finite = np.isfinite(values)
-    return finite & (values > 0) if absolute else finite
 
 
 def _point_times(samples: Sequence[Records]) -> tuple[PointTimes | None, list[str]]:

@@ -71,9 +71,9 @@ class Recording:
     tilt: tuple[float, float] | None = None
     # Digest of the tracks that ids identify; empty if ids do not identify tracks.
     tracks_sha256: str = ""
-    times: Callable[[], FloatArray | None] | None = None  # frame times in the files, seconds
+    times: Callable[[], FloatArray | None] = lambda: None  # frame times in the files, seconds
     notes: Callable[[], list[str]] = list  # returns texts about assumptions of the reader
-    origin: Callable[[], FloatArray | None] | None = None  # sensor position in the points' frame
+    origin: Callable[[], FloatArray | None] = lambda: None  # sensor position in the points' frame
     slots: tuple[int, ...] | None = None  # frame numbers; if None, numbers() derives them
     reads: tuple[Path, ...] = ()  # files and folders of the source that are read; empty: not known
     unread_parts: Callable[[], list[str]] = list  # returns texts about other parts not read

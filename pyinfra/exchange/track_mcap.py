@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 from mcap_ros2.writer import Writer
 
-from pyinfra.core.arrays import FloatArray
 from pyinfra.core.files import replacing
 from pyinfra.core.vocabulary import KM_H
 from pyinfra.dataset.object_rows import BOX
@@ -75,9 +74,7 @@ def _detections(stamp: Message, part: pd.DataFrame) -> Message:
 
 def _covariance(x: float, xy: float, y: float) -> list[float]:
     """Returns the covariance 6 x 6 of x y z and the rotations, row by row; 0 if not estimated."""
-    matrix: FloatArray = np.zeros((6, 6))
-    matrix[:2, :2] = [[x, xy], [xy, y]]
-    return matrix.ravel().tolist()
+    return np.pad([[x, xy], [xy, y]], (0, 4)).ravel().tolist()
 
 
 def _markers(stamp: Message, part: pd.DataFrame) -> Message:

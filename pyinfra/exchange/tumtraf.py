@@ -49,8 +49,6 @@ def _cloud_folder(source: Path, channel: str | None) -> Path:
 
 def _label_folder(clouds: Path) -> Path | None:
     """Returns the folder of the labels beside the folder of the clouds; None if there is none."""
-    for top, inside in ((clouds.parent.parent, clouds.name), (clouds.parent, "")):
-        for name in LABELS:
-            if (top / name / inside).is_dir():
-                return top / name / inside
-    return None
+    places = ((clouds.parent.parent, clouds.name), (clouds.parent, ""))
+    folders = (top / name / inside for top, inside in places for name in LABELS)
+    return next((folder for folder in folders if folder.is_dir()), None)

@@ -4,8 +4,6 @@ Other makers have no open package that fits: the refusal names the program that 
 packets to a bag, which the import reads.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
