@@ -126,18 +126,29 @@ def _run_sumo(
     """Returns the recorded objects, and the names of objects without a valid route."""
     routes, fcd = work / "trips.rou.xml", work / "fcd.xml"
     begin, end = warm_up - _AROUND_S, math.ceil(warm_up + seconds + _AROUND_S)
-    words = ["--net-file", str(net), "--route-files", str(routes), "--seed", str(seed)]
-    words += ["--step-length", str(STEP_S), "--lateral-resolution", "0.8", "--end", str(end)]
-    words += ["--fcd-output", str(fcd), "--device.fcd.begin", str(begin), "--precision", "4"]
-    words += ["--fcd-output.attributes", "x,y,z,angle,type", "--time-to-teleport", "-1"]
-    words += ["--collision.action", "none", "--pedestrian.model", "striping"]
-    words += ["--pedestrian.striping.stripe-width", STRIPE_M]
-    words += ["--no-step-log", "true", "--no-warnings", "true"]
+    options = {
+        "--net-file": str(net),
+        "--route-files": str(routes),
+        "--seed": str(seed),
+        "--step-length": str(STEP_S),
+        "--lateral-resolution": "0.8",
+        "--end": str(end),
+        "--fcd-output": str(fcd),
+        "--device.fcd.begin": str(begin),
+        "--precision": "4",
+        "--fcd-output.attributes": "x,y,z,angle,type",
+        "--time-to-teleport": "-1",
+        "--collision.action": "none",
+        "--pedestrian.model": "striping",
+        "--pedestrian.striping.stripe-width": STRIPE_M,
+        "--no-step-log": "true",
+        "--no-warnings": "true",
+    }
     xml, unrouted = asked.xml, list[str]()
     while True:
         routes.write_text(xml)
         try:
-            run_tool("sumo", words)
+            run_tool("sumo", [word for option in options.items() for word in option])
             break
         except SumoError as error:
             xml, gone = without_route(xml, str(error))
