@@ -55,8 +55,7 @@ def read(source: Path, options: Options) -> Recording:
     `options.channel` selects a topic, if several topics have clouds. Raises Error for a bag without
     clouds, or without a selected topic. Reading a frame raises FormatError.
     """
-    bag = Bag(source, options)
-    return bag.recording()
+    return Bag(source, options).recording()
 
 
 class Bag:

@@ -106,8 +106,7 @@ def boxes_of(
         named = [w if s else f"{file}:{i}" for w, s, i in zip(words, single, kept, strict=True)]
         tracks = np.array([ids.setdefault(key, len(ids)) for key in named], dtype=np.int64)
     values = np.array(rows, dtype=np.float64).reshape(-1, 7)
-    boxes = Boxes(np.array(names, dtype=np.str_), values, tracks, left_out=tuple(left_out))
-    return boxes, kept
+    return Boxes(np.array(names, dtype=np.str_), values, tracks, left_out=tuple(left_out)), kept
 
 
 def track_digest(files: Sequence[Path], key: str = "track_id") -> str:

@@ -48,8 +48,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
         infos[frame.number] = _info(frame)
     for part, numbers in lists.items():
         content = {"metainfo": METAINFO, "data_list": [infos[k] for k in numbers]}
-        file = out / f"custom_infos_{part}.pkl"
-        write(file, pickle.dumps(content, protocol=PROTOCOL))
+        write(out / f"custom_infos_{part}.pkl", pickle.dumps(content, protocol=PROTOCOL))
 
 
 def _info(frame: RoadFrame) -> dict[str, Any]:

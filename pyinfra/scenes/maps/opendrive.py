@@ -29,6 +29,7 @@ from pyinfra.scenes.maps.opendrive_geometry import (
     number,
     read_cubics,
     read_reference_line,
+    read_root,
 )
 from pyinfra.scenes.maps.opendrive_objects import read_objects
 from pyinfra.scenes.maps.opendrive_unread import unread_elements
@@ -51,11 +52,9 @@ FOOTWAYS = frozenset({"sidewalk", "walking", "curb"})
 def read_opendrive(file: Path) -> SiteMap:
     """Reads an OpenDRIVE file. Raises MapError and OSError."""
     try:
-        root = ElementTree.parse(file).getroot()
+        root = read_root(file)
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise MapError(f"{file}: cannot be read as XML: {error}") from error
-    for node in root.iter():
-        node.tag = node.tag.rpartition("}")[2]  # removes the namespace that some writers add
     if root.tag != "OpenDRIVE":
         raise MapError(f"{file}: expected <OpenDRIVE>, got <{root.tag}>")
     site_map, ids = SiteMap(), set[str | None]()
@@ -89,8 +88,10 @@ def _read_road(node: Element, site_map: SiteMap) -> None:
     starts = [number(section, "s") for section in sections]
     for before, start in itertools.pairwise(starts):
         if start < before:
-            text = f"expected ascending values, got {start:g} after {before:g}"
-            raise MapError(f"road {road.id}: laneSection: s: {text}")
+            raise MapError(
+                f"road {road.id}: laneSection: s: expected ascending values, got {start:g} after "
+                f"{before:g}"
+            )
     pieces: dict[tuple[int, int], Piece] = {}
     for side, sign in (("left", 1), ("right", -1)):
         some = [(at, one) for at, one in zip(starts, sections, strict=True) if _holds(one, side)]
