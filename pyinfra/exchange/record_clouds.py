@@ -68,10 +68,8 @@ class RecordClouds:
         """Returns the first absolute time of each cloud, or None if the first ones have none."""
         if all(np.isnan(start_of(records)) for records in self.fields.clouds):
             return None
-        return np.array([self._start(file) for file in self.labels.clouds])
-
-    def _start(self, file: Path) -> float:
-        return next((start_of(records) for records in readable(self.read, [file])), np.nan)
+        first = (readable(self.read, [file]) for file in self.labels.clouds)
+        return np.array([next(map(start_of, clouds), np.nan) for clouds in first])
 
     def notes(self) -> list[str]:
         """Describes the assumptions about offset, intensity and point times."""

@@ -79,7 +79,7 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
             )
         pole, assumption = _pole(site_map, folder, options, origin["offset_m"])
         site_map.guessed += [assumption] if assumption else []
-        write_site(folder, out.name, site_map, meshes, (pole, options), terrain)
+        write_site(folder, out.name, site_map, meshes, pole, options, terrain)
         counts = {
             "lanes": len(site_map.lanes),
             "triangles": sum(len(m.faces) for m in meshes.values()),

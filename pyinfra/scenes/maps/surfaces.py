@@ -103,17 +103,13 @@ def _filled(z: FloatArray, rounds: int) -> FloatArray:
     z = np.where(known, z, 0.0)
     have = known.copy()
     while not have.all():
-        z, have = _grown(z, have)
+        around, counts = _means(z, have)
+        new = ~have & (counts > 0)
+        z, have = np.where(new, around, z), have | new
     for _ in range(rounds):
         around, _ = _means(z, np.ones_like(known))
         z = np.where(known, z, around)
     return z
-
-
-def _grown(z: FloatArray, have: BoolArray) -> tuple[FloatArray, BoolArray]:
-    around, counts = _means(z, have)
-    new = ~have & (counts > 0)
-    return np.where(new, around, z), have | new
 
 
 def _means(z: FloatArray, have: BoolArray) -> tuple[FloatArray, IntArray]:

@@ -24,7 +24,10 @@ STRIPE_M = "0.8"  # width of SUMO's pedestrian lanes, so that two pedestrians ca
 _WARM_UP_S, _WALKING_S = 200, 400  # durations of the warm-up without and with pedestrians
 MOST_UNROUTED = 0.5  # maximum share of trips without a route
 _AROUND_S = 4.0  # additional time at both ends of a track, which the averaging needs
-_TURN_LIMIT = ("--junctions.limit-turn-speed", str(TURN_LIMIT_M_S2), *DETAIL)
+_TURN_LIMIT = (
+    *("--offset.disable-normalization", "true"),
+    *("--junctions.limit-turn-speed", str(TURN_LIMIT_M_S2), *DETAIL),
+)
 _WALKS = (
     *("--sidewalks.guess", "true", "--crossings.guess", "true"),
     *("--sidewalks.guess.max-speed", "14"),  # roads of up to 50 km/h get sidewalks
@@ -114,8 +117,7 @@ def _prepared(net_file: Path, net: RoadNet, demand: Demand, work: Path) -> Path:
     if net.turn_speed_limited and not walks:
         return net_file
     out = work / NET
-    words = ["--sumo-net-file", str(net_file), "--output-file", str(out)]
-    words += ["--offset.disable-normalization", "true", *_TURN_LIMIT]
+    words = ["--sumo-net-file", str(net_file), "--output-file", str(out), *_TURN_LIMIT]
     run_tool("netconvert", [*words, *(_WALKS if walks else ())])
     return out
 
