@@ -280,7 +280,7 @@ def _climb(
     """Returns the root frame above a frame, and the transform to it; None if tf has no root."""
     transform, name, seen = None, frame_id, {frame_id}
     while name in frames:
-        name, step = frames[name][0], frames[name][1]
+        name, step = frames[name]
         transform = step if transform is None else step.after(transform)
         if name in seen:
             return None

@@ -91,10 +91,9 @@ def formats_of(source: Path) -> Iterator[tuple[str, str]]:
         if name == "pcd" and _is_beside_labels(source):
             yield "tumtraf", f"*.pcd beside {' or '.join(LABELS)}"
     for name, suffixes in FILES.items():
-        for suffix in suffixes:
-            if any(source.glob(f"*{suffix}")):
-                yield name, f"*{suffix}"
-                break
+        found = next((s for s in suffixes if any(source.glob(f"*{s}"))), None)
+        if found:
+            yield name, f"*{found}"
     for folder in CLOUD_FOLDERS if labels else ():  # as labelCloud and SUSTechPOINTS keep them
         for name, suffixes in {"pcd": (".pcd",), "bin": (".bin",), **CLOUDS_OF_TOOLS}.items():
             found = next((s for s in suffixes if any((source / folder).glob(f"*{s}"))), None)

@@ -5,6 +5,7 @@ packets to a bag, which the import reads.
 """
 
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -103,9 +104,7 @@ def _check_maker(file: Path) -> None:
     """Raises Error unless some of the first packets are Velodyne's."""
     sizes: set[int] = set()
     try:
-        for number, (_, data) in enumerate(iter_pcap(file)):
-            if number >= SAMPLED:
-                break
+        for _, data in islice(iter_pcap(file), SAMPLED):
             data = bytes(data) if not isinstance(data, bytes) else data
             if len(data) == velodyne.PACKET_SIZE and data[:2] in (b"\xff\xee", b"\xff\xdd"):
                 return

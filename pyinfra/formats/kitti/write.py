@@ -4,7 +4,6 @@ Reading a cloud and writing it again gives the same bytes. Text files give the s
 the decimals of the layout.
 """
 
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -79,7 +78,8 @@ def write_objects(file: Path, objects: Objects) -> None:
     if pitch is not None:
         header, line, columns = PITCHED_HEADER, f"{line},{{:.6f}}", [*columns, pitch]
     rows = zip(*columns, strict=True)
-    _replace_lines(file, [header, *(line.format(*row) for row in rows)])
+    lines = [header, *(line.format(*row) for row in rows)]
+    write(file, "".join(f"{line}\n" for line in lines))
 
 
 def write_labels(file: Path, labels: Labels, calibration: Calibration | None = None) -> None:
@@ -93,14 +93,18 @@ def write_labels(file: Path, labels: Labels, calibration: Calibration | None = N
     camera = boxes_to_camera(labels.boxes, calibration or simulated())
     image = image_columns(camera) if labels.image is None else labels.image
     scores = np.empty((len(labels), 0)) if labels.scores is None else labels.scores[:, None]
-    known = labels.names != "DontCare"
-    _check(np.column_stack([camera, image, scores]), labels.boxes[known])
+    values = np.column_stack([camera, image, scores])
+    if not np.isfinite(values).all():
+        raise Error(f"expected finite values, got {values[~np.isfinite(values)][0]}")
+    sizes = labels.boxes[labels.names != "DontCare", 3:6]
+    if (sizes <= 0).any():
+        raise Error(f"boxes: expected sizes above 0, got {sizes.min():g}")
     lines = []
     for name, i, c, s in zip(labels.names, image, camera, scores, strict=True):
         words = [f"{i[0]:.2f}", f"{i[1]:.0f}", f"{i[2]:.6f}", *(f"{v:.2f}" for v in i[3:])]
         words += [*(f"{v:.4f}" for v in c[:6]), f"{c[6]:.6f}", *(f"{v:.6f}" for v in s)]
         lines.append(" ".join([str(name), *words]))
-    _replace_lines(file, lines)
+    write(file, "".join(f"{line}\n" for line in lines))
 
 
 def write_calibration(file: Path, calibration: Calibration | None = None) -> None:
@@ -144,14 +148,3 @@ def image_columns(camera: FloatArray) -> FloatArray:
     alpha = (alpha + np.pi) % (2 * np.pi) - np.pi
     zero = np.zeros_like(alpha)
     return np.column_stack([zero, zero, alpha, np.tile(_IMAGE_BOX, (len(alpha), 1))])
-
-
-def _check(values: FloatArray, boxes: FloatArray) -> None:
-    if not np.isfinite(values).all():
-        raise Error(f"expected finite values, got {values[~np.isfinite(values)][0]}")
-    if (boxes[:, 3:6] <= 0).any():
-        raise Error(f"boxes: expected sizes above 0, got {boxes[:, 3:6].min():g}")
-
-
-def _replace_lines(file: Path, lines: Iterable[str]) -> None:
-    write(file, "".join(f"{line}\n" for line in lines))

@@ -32,7 +32,8 @@ def buildings(map_: StreetMap) -> Iterator[Building | str]:
     members = {ref for relation in map_.multipolygons for ref, _ in relation.members}
     for name, nodes, tags in map_.houses:
         if name not in members:
-            yield Building(f"way {name}", _open(nodes), tags)
+            is_closed = len(nodes) > 1 and nodes[0] == nodes[-1]
+            yield Building(f"way {name}", nodes[:-1] if is_closed else nodes, tags)
     for relation in map_.multipolygons:
         source = f"relation {relation.id}"
         rings = {
@@ -102,7 +103,3 @@ def _rings(parts: Sequence[list[str]]) -> list[list[str]]:
         if ring[0] == ring[-1] and len(ring) > 3:
             rings.append(ring[:-1])
     return rings
-
-
-def _open(nodes: list[str]) -> list[str]:
-    return nodes[:-1] if len(nodes) > 1 and nodes[0] == nodes[-1] else nodes

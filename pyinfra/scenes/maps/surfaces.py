@@ -184,11 +184,12 @@ def ears(outline: FloatArray) -> IntArray:
             a, b, c = left[k - 1], left[k], left[(k + 1) % len(left)]
             if side_of(outline[a], outline[b], outline[c]) <= 1e-9:
                 continue
+            corners = outline[[a, b, c]]
             others = outline[[i for i in left if i not in (a, b, c)]]
             # The ends of a cut to a hole are twice in the outline.
-            same = (others[:, None] == outline[[a, b, c]]).all(2).any(1)
-            others = others[~same]
-            if not _inside(outline[[a, b, c]], others).any():
+            others = others[~(others[:, None] == corners).all(2).any(1)]
+            sides = side_of(corners, np.roll(corners, -1, axis=0), others[:, None])  # (n, 3)
+            if not (sides >= 0).all(1).any():
                 break
         else:  # the remaining polygon has no area
             k = 0
@@ -196,11 +197,6 @@ def ears(outline: FloatArray) -> IntArray:
         triangles.append([a, b, c])
         del left[k]
     return np.array([*triangles, left])
-
-
-def _inside(corners: FloatArray, xy: FloatArray) -> BoolArray:
-    sides = side_of(corners, np.roll(corners, -1, axis=0), xy[:, None])  # (n, corners)
-    return np.asarray((sides >= 0).all(1))
 
 
 def footway(shape: FloatArray, kerb_m: float) -> Triangles:
