@@ -12,7 +12,6 @@ Follows the source of labelCloud (`labelCloud/io/labels/centroid.py` and `vertic
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -40,8 +39,7 @@ SIZES = ("length", "width", "height")
 def read_sustech(file: Path, ids: dict[str, int]) -> Boxes:
     """Reads a file of SUSTechPOINTS. `ids` maps names of tracks to numbers, which are added."""
     objects = checked_objects(file, read_json(file))
-    boxes, _ = boxes_of(file, objects, _sustech_box, ("obj_type", "obj_id"), ids)
-    return replace(boxes, unread=frozenset().union(*objects) - SUSTECH_KEYS)
+    return boxes_of(file, objects, _sustech_box, ("obj_type", "obj_id"), SUSTECH_KEYS, ids)[0]
 
 
 def read_label_cloud(file: Path, *, degrees: bool) -> Boxes:
@@ -59,8 +57,7 @@ def read_label_cloud(file: Path, *, degrees: bool) -> Boxes:
             location, np.array([*xyz, *sizes, math.radians(yaw) if degrees else yaw])
         )
 
-    boxes, _ = boxes_of(file, objects, box, ("name", ""), None)
-    return replace(boxes, unread=frozenset().union(*objects) - CLOUD_KEYS)
+    return boxes_of(file, objects, box, ("name", ""), CLOUD_KEYS, None)[0]
 
 
 def has_degrees(files: Sequence[Path]) -> bool:

@@ -244,16 +244,15 @@ def _of_outline(
         uv = np.array([[number(n, "u"), number(n, "v")] for n in local])
         xy, z = _in_world(road, at, node, uv)
         base = z + number(node, "zOffset", 0.0) + np.array([number(n, "z", 0.0) for n in local])
-        heights = np.array([number(n, "height", usual) for n in local])
     elif along:
         shift = at[0] - number(node, "s", 0.0)
         s = np.array([number(n, "s") + shift for n in along])
         positions = road.positions(s, np.array([number(n, "t") for n in along]))
         xy, z = positions[:, :2], float(positions[0, 2])
         base = positions[:, 2] + np.array([number(n, "dz", 0.0) for n in along])
-        heights = np.array([number(n, "height", usual) for n in along])
     else:
         return []
+    heights = np.array([number(n, "height", usual) for n in local or along])
     is_ring = np.allclose(xy[0], xy[-1])
     closed = outline.get("closed", "true") != "false" or is_ring
     ring = xy[:-1] if is_ring and len(xy) > 1 else xy

@@ -90,9 +90,8 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
     classes = np.array([_class(file, i, name, how) for i, name in enumerate(words["class"])])
     sizes = np.array([CLASSES[name].mean_m for name in classes]).reshape(-1, 3)
     values = {name: _checked(file, words, name) for name in (*_NEEDED[:-1], clock)}
-    absent = np.full(len(words), np.nan)
-    values |= {"z": _checked(file, words, "z") if "z" in words.columns else absent}
-    values |= {"dz": _checked(file, words, "dz") if "dz" in words.columns else sizes[:, 2]}
+    for name, usual in (("z", np.full(len(words), np.nan)), ("dz", sizes[:, 2])):
+        values[name] = _checked(file, words, name) if name in words.columns else usual
     times = values[clock] / (how.rate_hz or 1.0)
     boxes = np.column_stack([values[n] for n in ("x", "y", "z", "dx", "dy", "dz", "heading")])
     if how.degrees:
