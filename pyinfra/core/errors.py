@@ -6,6 +6,7 @@ a bug in the package.
 
 import traceback
 from pathlib import Path
+from typing import NoReturn
 
 
 class Error(ValueError):
@@ -37,6 +38,11 @@ def missing(package: str | None, extra: str) -> MissingPackage:
         f"install it with: pip install 'infrasim[{extra}]', or in a checkout: "
         f"scripts/setup.sh {extra}"
     )
+
+
+def fail(file: Path, what: str, line: int | None = None) -> NoReturn:
+    """Raises FormatError for a file, or for a line of it."""
+    raise FormatError(f"{file}:{line}: {what}" if line else f"{file}: {what}")
 
 
 def keep_traceback(error: BaseException, file: Path) -> None:

@@ -16,16 +16,14 @@ from typing import Any
 import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
-from scipy.spatial.transform import Rotation
 
 from pyinfra.core.arrays import FloatArray, Records
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.exchange import ros_messages as ros
-from pyinfra.exchange.data_set import levelled
+from pyinfra.exchange.data_set import upright
 from pyinfra.exchange.nuscenes_tables import angles_of
-from pyinfra.exchange.pcd import FIRST
-from pyinfra.exchange.point_fields import PointFields, cloud_notes, map_offset
-from pyinfra.exchange.record_clouds import points_of
+from pyinfra.exchange.point_fields import PointFields
+from pyinfra.exchange.record_clouds import FIRST, points_of, readable
 from pyinfra.exchange.recording import NO_BOXES, Options, RecordedFrame, Recording
 from pyinfra.formats.kitti import WorldPose
 
@@ -57,8 +55,7 @@ def read(source: Path, options: Options) -> Recording:
     `options.channel` selects a topic, if several topics have clouds. Raises Error for a bag without
     clouds, or without a selected topic. Reading a frame raises FormatError.
     """
-    bag = Bag(source, options)
-    return bag.recording()
+    return Bag(source, options).recording()
 
 
 class Bag:
@@ -87,43 +84,39 @@ class Bag:
         notes = [] if stamped else ["stamps of clouds are not set: times of the bag are used"]
         pose, tilt = self._pose(notes)
         of_cloud = self._boxes_by_cloud(seconds, notes) if contents.boxes else {}
-        lean = Rotation.from_euler("ZYX", [0, *(tilt or (0.0, 0.0))]).as_matrix()
-        tracked = bool(contents.boxes)
 
         def frame(i: int) -> RecordedFrame:
             location = f"{self.source}: {self.topic}: cloud {i}"
             records = self.records(i)
-            points = points_of(location, records, self.options, self.offset)
+            points = points_of(location, records, self.options, self.fields.offset)
             boxes = NO_BOXES
             if i in of_cloud:
                 kind = contents.topics[contents.box_topic][0]
                 boxes = ros.boxes_of(f"{location}: boxes", of_cloud[i], kind, self.ids)
-            recorded = RecordedFrame(points, boxes, self.fields.read(location, records))
-            return levelled(recorded, lean) if tilt else recorded
+            return RecordedFrame(points, boxes, self.fields.read(location, records))
 
-        digest = f"{self.source.name}:{contents.box_topic}:{len(times)}" if tracked else ""
-        return Recording(
+        digest = f"{self.source.name}:{contents.box_topic}:{len(times)}"
+        recording = Recording(
             tuple(f"{i:06d}" for i in range(len(times))),
             frame,
             labelled=bool(contents.boxes),
             pose=pose,
-            tilt=tilt,
-            tracks_sha256=digest,
+            tracks_sha256=digest if contents.boxes else "",
             times=lambda: seconds,
             notes=lambda: [*notes, *self._field_notes()],
             reads=_files(self.source),
             unread_parts=self._unread_parts,
         )
+        return upright(recording, tilt)
 
     def _unread_parts(self) -> list[str]:
         """Returns texts with the topics and the fields of points that are not read."""
-        read = (self.topic, self.contents.box_topic)
         topics = [
             f"{name} ({kind.rpartition('/')[2]}, {count})"
             for name, (kind, count) in self.contents.topics.items()
-            if name not in read and kind not in ros.TRANSFORMS and count > 0
+            if self._unread(name, kind) and count > 0
         ]
-        return [f"topic {topic}" for topic in topics] + self.fields.unread(self._first)
+        return [f"topic {topic}" for topic in topics] + self.fields.unread()
 
     def records(self, i: int) -> Records:
         """Reads the cloud with an index. Raises FormatError."""
@@ -145,23 +138,12 @@ class Bag:
         return (raw for _, _, raw in itertools.islice(messages, skip, None))
 
     @cached_property
-    def _first(self) -> list[Records]:
-        out = []
-        for i in range(min(FIRST, len(self.contents.times_ns))):
-            with contextlib.suppress(FormatError):
-                out.append(self.records(i))
-        return out
-
-    @cached_property
     def fields(self) -> PointFields:
-        return PointFields(self._first)
-
-    @cached_property
-    def offset(self) -> FloatArray:
-        return map_offset(self._first)
+        first = range(min(FIRST, len(self.contents.times_ns)))
+        return PointFields(readable(self.records, first))
 
     def _field_notes(self) -> list[str]:
-        notes = cloud_notes(self.fields, self.offset, self._first)
+        notes = self.fields.cloud_notes()
         others = [
             name for name, (kind, _) in self.contents.topics.items() if self._unread(name, kind)
         ]
@@ -298,7 +280,7 @@ def _climb(
     """Returns the root frame above a frame, and the transform to it; None if tf has no root."""
     transform, name, seen = None, frame_id, {frame_id}
     while name in frames:
-        name, step = frames[name][0], frames[name][1]
+        name, step = frames[name]
         transform = step if transform is None else step.after(transform)
         if name in seen:
             return None

@@ -23,6 +23,7 @@ import yaml
 
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import write
+from pyinfra.exchange.json_boxes import number
 
 MOST_BEAMS = 512
 MOST_BYTES = 20_000_000
@@ -132,7 +133,7 @@ def _ouster(file: Path, content: Any) -> BeamTable:
     match = re.fullmatch(r"(\d+)x(\d+)", str(mode))
     columns = layout.get("columns_per_frame") or (int(match[1]) if match else None)
     model = content.get("prod_line") or (content.get("sensor_info") or {}).get("prod_line")
-    beams = [(_number(file, e), _number(file, a)) for e, a in zip(altitude, azimuth, strict=True)]
+    beams = [(number(file, e), number(file, a)) for e, a in zip(altitude, azimuth, strict=True)]
     rate = float(match[2]) if match else 10.0
     return BeamTable(
         "Ouster", str(model or "Ouster"), beams, int(columns) if columns else None, rate
@@ -148,8 +149,8 @@ def _velodyne_yaml(file: Path, content: Any) -> BeamTable:
     for i, laser in enumerate(lasers):
         if not isinstance(laser, dict) or "vert_correction" not in laser:
             raise FormatError(f"{file}: lasers: {i}: expected the key vert_correction, got none")
-        angles = (laser["vert_correction"], -_number(file, laser.get("rot_correction", 0)))
-        beams.append(tuple(math.degrees(_number(file, angle)) for angle in angles))
+        angles = (laser["vert_correction"], -number(file, laser.get("rot_correction", 0)))
+        beams.append(tuple(math.degrees(number(file, angle)) for angle in angles))
     largest = max((abs(e) for e, _ in beams), default=0.0)
     if len(beams) > 1 and largest < 0.03:
         raise FormatError(
@@ -184,31 +185,23 @@ def _columns(file: Path, text: str) -> BeamTable:
     if "elevation" in joined and "azimuth" in joined:
         words = [word for word in head if re.search("elevation|azimuth|channel|laser", word)]
         at = [next(i for i, w in enumerate(words) if key in w) for key in ("elevation", "azimuth")]
-        values = [[_number(file, v) for v in row] for row in rows[1:] if _is_number(row[0])]
+        values = [[number(file, v) for v in row] for row in rows[1:] if _is_number(row[0])]
         beams = [(row[at[0]], row[at[1]]) for row in values if len(row) > max(at)]
         return BeamTable("Hesai", "Hesai", beams)
     if "zenith" in joined:
-        values = [[_number(file, v) for v in row[:3]] for row in rows[1:]]
+        values = [[number(file, v) for v in row[:3]] for row in rows[1:]]
         rays = [(azimuth, 90 - zenith, t) for t, azimuth, zenith in values]
         return BeamTable("Livox", "Livox", [], rays=rays)
     if head and all(map(_is_number, head)) and len(head) == 2:
         return BeamTable(
-            "RoboSense", "RoboSense", [(_number(file, e), _number(file, a)) for e, a in rows]
+            "RoboSense",
+            "RoboSense",
+            [(number(file, e), number(file, a)) for e, a in rows],
         )
     raise FormatError(
         f"{file}: expected a table of Hesai (Laser id, Elevation, Azimuth), RoboSense (two columns "
         f"of numbers) or Livox (time, azimuth, zenith), got '{' '.join(head)[:60]}'"
     )
-
-
-def _number(file: Path, raw: object) -> float:
-    try:
-        value = float(raw)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        value = math.nan
-    if not math.isfinite(value):
-        raise FormatError(f"{file}: expected a finite number, got {str(raw)[:40]!r}")
-    return value
 
 
 def _is_number(word: str) -> bool:

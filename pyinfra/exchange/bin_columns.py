@@ -29,7 +29,7 @@ FEW = 200  # with fewer values than this, no minimum of the explained variance i
 
 
 @unchecked
-def columns_of(files: Sequence[Path], options: Options, usual: int = USUAL) -> tuple[int, str]:
+def columns_of(files: Sequence[Path], options: Options) -> tuple[int, str]:
     """Returns the number of float32 values per point in .bin files, and a note on the assumption.
 
     The note is empty if no assumption was needed. If no number fits, the function returns the usual
@@ -47,34 +47,31 @@ def columns_of(files: Sequence[Path], options: Options, usual: int = USUAL) -> t
     counts = {n: sum(size % (4 * n) == 0 for size in sizes) for n in TRIED}
     most = max(counts.values())  # less than all files if some are cut
     fit = [n for n in TRIED if counts[n] == most and most >= MOST_FILES * len(files)]
-    if not any(sizes) or fit == [usual] or not fit:
-        return usual, ""
+    if not any(sizes) or fit == [USUAL] or not fit:
+        return USUAL, ""
     least = 4 * math.lcm(*fit)
     chosen = [
         file for file, size in zip(files, sizes, strict=True) if size > 0 and size % least == 0
     ]
     if not chosen:
-        return usual, ""
+        return USUAL, ""
     step = -(-len(chosen) // FILES)
     values = [np.fromfile(file, dtype="<f4", count=VALUES) for file in chosen[::step]]
-    columns = _chosen(np.concatenate(values).astype(np.float64), fit, usual)
+    columns = _chosen(np.concatenate(values).astype(np.float64), fit)
     if columns is None:
-        return usual, ""
+        return USUAL, ""
     other_fits = " and ".join(str(n) for n in sorted(fit) if n != columns)
-    if columns == usual:
+    why = f"because the points' values exclude {other_fits}"
+    if columns == USUAL:
         why = f"the usual number; the file sizes also allow {other_fits}"
-    else:
-        why = (
-            f"because the points' values exclude {other_fits}"
-            if other_fits
-            else "the only number that fits"
-        )
+    elif not other_fits:
+        why = "the only number that fits"
     zero = "; intensities are set to 0" if columns == 3 else ""
     note = f"a point of a .bin file has {columns} float32 values, {why}{zero}"
     return columns, f"{note}; the argument `columns` sets another number"
 
 
-def _chosen(values: FloatArray, fit: Sequence[int], usual: int) -> int | None:
+def _chosen(values: FloatArray, fit: Sequence[int]) -> int | None:
     """Returns the most likely number of columns, or None if the values fit none."""
     likely = [n for n in fit if _is_likely(values, n)]
     shares = {n: explained(values, n) for n in likely or fit}
@@ -83,7 +80,7 @@ def _chosen(values: FloatArray, fit: Sequence[int], usual: int) -> int | None:
         return None
     clearly = CLEARLY + FEWER / np.sqrt(len(values))
     near = [n for n in sorted(shares) if shares[n] > max(shares.values()) - clearly]
-    return usual if usual in near else next(iter(near), None)
+    return USUAL if USUAL in near else next(iter(near), None)
 
 
 def _is_likely(values: FloatArray, columns: int) -> bool:

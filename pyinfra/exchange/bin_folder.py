@@ -4,14 +4,7 @@ from pathlib import Path
 
 from pyinfra.exchange.bin_columns import columns_of
 from pyinfra.exchange.label_files import clouds_in, open_labels
-from pyinfra.exchange.recording import (
-    NO_BOXES,
-    Options,
-    RecordedFrame,
-    Recording,
-    read_bin,
-    stem,
-)
+from pyinfra.exchange.recording import Options, RecordedFrame, Recording, read_bin, stem
 
 
 def read(source: Path, options: Options) -> Recording:
@@ -19,22 +12,19 @@ def read(source: Path, options: Options) -> Recording:
 
     Raises FileNotFoundError, and Error if there is no cloud. Reading a frame raises FormatError.
     """
-    clouds = clouds_in(source, [".bin"])
-    labels = open_labels(clouds, source, options)
-    clouds = labels.clouds if labels else clouds
-    columns, note = columns_of(clouds, options)
-    names = tuple(stem(file) for file in clouds)
-    notes = [*(labels.notes if labels else ()), *([note] if note else [])]
+    labels = open_labels(clouds_in(source, [".bin"]), source, options)
+    columns, note = columns_of(labels.clouds, options)
+    names = tuple(stem(file) for file in labels.clouds)
 
     def frame(i: int) -> RecordedFrame:
-        boxes = labels.read(names[i]) if labels else NO_BOXES
-        return RecordedFrame(read_bin(clouds[i], columns, options), boxes)
+        boxes = labels.read(names[i])
+        return RecordedFrame(read_bin(labels.clouds[i], columns, options), boxes)
 
     return Recording(
         names,
         frame,
-        labelled=labels is not None,
-        tracks_sha256=labels.tracks_sha256 if labels else "",
-        notes=lambda: notes,
-        reads=(*clouds, *(labels.files if labels else ())),
+        labels.labelled,
+        tracks_sha256=labels.tracks_sha256,
+        notes=lambda: [*labels.notes, *([note] if note else [])],
+        reads=(*labels.clouds, *labels.files),
     )

@@ -8,13 +8,12 @@ import re
 import warnings
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import Records
 from pyinfra.core.errors import FormatError
 from pyinfra.exchange.record_clouds import read_clouds
-from pyinfra.exchange.recording import Options, Recording
+from pyinfra.exchange.recording import Options, Recording, records_of
 
 SUFFIXES = (".csv", ".txt", ".xyz", ".asc", ".pts")
 # Names in other programs of x, y, z: VeloView writes `Points_m_XYZ:0`.
@@ -74,10 +73,7 @@ def read_csv(file: Path) -> Records:
             line = int(values.isna().to_numpy().argmax()) + 1 + has_names
             got = table[axis].iloc[line - 1 - has_names]
             raise FormatError(f"{file}:{line}: {axis}: expected a number, got '{str(got)[:40]}'")
-    out = np.empty(len(table), dtype=[(name, table[name].dtype) for name in numbers])
-    for name in numbers:
-        out[name] = table[name].to_numpy()
-    return out
+    return records_of({name: table[name].to_numpy() for name in numbers})
 
 
 def _is_number(word: str) -> bool:

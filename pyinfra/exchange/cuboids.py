@@ -4,8 +4,6 @@ The ten numbers of a cuboid are x y z, quaternion x y z w, and length width heig
 the cloud.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePath
 from typing import Any
@@ -33,9 +31,7 @@ def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:
     frames, types = _frames_and_types(file)
     if len(frames) > 1:
         raise FormatError(f"{file}: expected one frame in a label file, got {len(frames)} frames")
-    for frame in frames.values():
-        return _boxes(file, frame, types, ids)
-    return _boxes(file, {}, types, ids)
+    return _boxes(file, next(iter(frames.values()), {}), types, ids)
 
 
 def read_sequence(file: Path, clouds: Sequence[str]) -> dict[str, Boxes]:

@@ -5,23 +5,17 @@ LiDAR*. According to the description, its x-y plane is parallel to the ground. I
 255.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.exchange.frame_times import seconds_of_stamp
-from pyinfra.exchange.json_boxes import read_json, read_objects, track_digest
+from pyinfra.exchange.json_boxes import read_json
+from pyinfra.exchange.label_files import object_labels
 from pyinfra.exchange.pcd import Clouds
-from pyinfra.exchange.recording import (
-    NO_BOXES,
-    Options,
-    RecordedFrame,
-    Recording,
-    check_pairs,
-    sorted_files,
-    stem,
-)
+from pyinfra.exchange.recording import Options, Recording, sorted_files
 
 SIDES = ("single-infrastructure-side", "infrastructure-side", ".")
 LABELS = ("label/virtuallidar", "label/lidar")
@@ -37,35 +31,18 @@ def read(source: Path, options: Options) -> Recording:
     clouds = sorted_files(side / "velodyne", [".pcd"])
     label_folders = (side / name for name in LABELS if (side / name).is_dir())
     folder = options.labels or next(label_folders, None)
-    tracks = ""
-    if folder is not None:
-        labels = sorted_files(folder, [".json"])
-        check_pairs(clouds, labels)
-        tracks = track_digest(labels)  # V2X-Seq has tracks, DAIR-V2X has none
-    ids: dict[str, int] | None = {} if tracks else None
-    names = tuple(stem(file) for file in clouds)
-    contents = Clouds(clouds, options, labelled=folder is not None)
-
-    def frame(i: int) -> RecordedFrame:
-        boxes = read_objects(folder / f"{names[i]}.json", ids) if folder is not None else NO_BOXES
-        return contents.frame(i, boxes)
-
-    return Recording(
-        names,
-        frame,
-        folder is not None,
-        tracks_sha256=tracks,
-        times=lambda: _times(side, names),
-        notes=contents.notes,
-        origin=contents.origin,
-        reads=(*clouds, *([folder] if folder else ()), side / "data_info.json"),
-        unread_parts=contents.unread_parts,
+    # V2X-Seq has tracks, DAIR-V2X has none.
+    recording = Clouds(object_labels(clouds, folder), options).recording()
+    info = side / "data_info.json"
+    return replace(
+        recording,
+        times=lambda: _times(info, recording.names),
+        reads=(*recording.reads, info),
     )
 
 
-def _times(side: Path, names: tuple[str, ...]) -> FloatArray | None:
+def _times(file: Path, names: tuple[str, ...]) -> FloatArray | None:
     """Reads pointcloud_timestamp of data_info.json in seconds. None if a frame has no such time."""
-    file = side / "data_info.json"
     rows = read_json(file) if file.is_file() else []
     stamps = {}
     for row in rows if isinstance(rows, list) else []:

@@ -26,7 +26,7 @@ from pyinfra.dataset.frames import PERIOD_S, lidars_in
 from pyinfra.dataset.health import HEALTH_FILE, write_health
 from pyinfra.exchange.import_summary import ImportSummary
 from pyinfra.exchange.object_types import types_of
-from pyinfra.exchange.recording import Boxes, RecordedFrame, Recording
+from pyinfra.exchange.recording import Boxes, RecordedFrame, Recording, write_splits
 from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import plain_cell
 from pyinfra.formats.kitti import RECORDED, Labels, Objects, RoadShape, WorldPose
@@ -76,8 +76,7 @@ def write_lidar(
     numbers = recording.numbers()
     summary = ImportSummary(assumed=facts.assumed)
     digests: set[bytes] = set()
-    period_s = _period_s(recording, facts)
-    summary.monitor.period_s = period_s
+    summary.monitor.period_s = facts.period_s or recording.period_s or PERIOD_S
     for i in range(len(numbers)) if indices is None else indices:
         try:
             frame = recording.read(i)
@@ -99,16 +98,15 @@ def write_lidar(
         if facts.tilt:
             frame = levelled(frame, T_levelled_sensor)
         before = summary.points
-        _write_frame(out, numbers[i], frame, facts, summary, T_levelled_sensor, period_s)
+        _write_frame(out, numbers[i], frame, facts, summary, T_levelled_sensor)
         if summary.points == before:
             summary.empty.append(recording.names[i])
     _write_lists(out, recording, numbers)
-    summary.not_read = recording.unread_parts() if recording.unread_parts else []
+    summary.not_read = [*facts.not_read, *recording.unread_parts()]
     if summary.unread_keys:
         summary.not_read.append(f"keys of labels: {', '.join(sorted(summary.unread_keys))}")
-    summary.not_read = [*facts.not_read, *summary.not_read]
     pose = _pose(recording, facts, summary)
-    write(out / "lidar.yaml", _lidar_yaml(recording, pose, facts, summary, tilt))
+    write(out / "lidar.yaml", _lidar_yaml(pose, facts, summary, tilt))
     summary.health = summary.monitor.report()
     if summary.health:
         write_health(out / HEALTH_FILE, summary.health)
@@ -158,6 +156,15 @@ def levelled(frame: RecordedFrame, T_levelled_sensor: FloatArray) -> RecordedFra
     return RecordedFrame(points, replace(b, boxes=boxes), frame.fields)
 
 
+def upright(recording: Recording, tilt: tuple[float, float] | None) -> Recording:
+    """Returns the recording in the levelled frame. `tilt` is that of the sensor, if it has any."""
+    if tilt is None:
+        return recording
+    T_levelled_sensor = Rotation.from_euler("ZYX", [0, *tilt]).as_matrix()
+    read = recording.read
+    return replace(recording, read=lambda i: levelled(read(i), T_levelled_sensor), tilt=tilt)
+
+
 def _write_frame(
     out: Path,
     number: int,
@@ -165,7 +172,6 @@ def _write_frame(
     facts: LidarFacts,
     summary: ImportSummary,
     T_levelled_sensor: FloatArray,
-    period_s: float,
 ) -> None:
     keep = has_return(frame.points)
     points = np.ascontiguousarray(frame.points[keep], dtype=np.float32)
@@ -176,7 +182,7 @@ def _write_frame(
     types = types_of(frame.boxes.names, facts.types)
     labels = Labels(types, frame.boxes.boxes, None)
     boxes = frame.boxes if fields is None else with_ids(frame.boxes, points, fields)
-    objects = objects_of(points, boxes, types, period_s)
+    objects = objects_of(points, boxes, types, summary.monitor.period_s)
     kitti.write_frame(out, number, points, labels, objects=objects, fields=fields)
     summary.frames += 1
     summary.points += len(points)
@@ -252,11 +258,9 @@ def _write_lists(out: Path, recording: Recording, numbers: tuple[int, ...]) -> N
     """Writes the recording's ImageSets, and sources.csv with the source name of each frame."""
     written = set(kitti.frames(out))
     of_name = dict(zip(recording.names, numbers, strict=True))
-    for part, names in recording.splits.items():
-        (out / "ImageSets").mkdir(exist_ok=True)
-        present = sorted(written & {of_name[name] for name in names})
-        text = "".join(f"{number:06d}\n" for number in present)
-        write(out / f"ImageSets/{part}.txt", text)
+    splits = {part: {of_name[name] for name in names} for part, names in recording.splits.items()}
+    present = {part: sorted(written & numbers) for part, numbers in splits.items()}
+    write_splits(out / "ImageSets", present)
     rows = [(n, plain_cell(name)) for name, n in of_name.items() if n in written]
     table = io.StringIO()
     csv.writer(table, lineterminator="\n").writerows([("frame", "source"), *rows])
@@ -264,11 +268,7 @@ def _write_lists(out: Path, recording: Recording, numbers: tuple[int, ...]) -> N
 
 
 def _lidar_yaml(
-    recording: Recording,
-    pose: WorldPose,
-    facts: LidarFacts,
-    summary: ImportSummary,
-    tilt: tuple[float, float],
+    pose: WorldPose, facts: LidarFacts, summary: ImportSummary, tilt: tuple[float, float]
 ) -> str:
     view = summary.coverage.measured()
     low, high = facts.price_usd or (math.nan, math.nan)
@@ -279,7 +279,7 @@ def _lidar_yaml(
         "preset": RECORDED,
         "price_total_usd": {"low": low, "high": high},
         "label_time": "scan",
-        "period_s": _period_s(recording, facts),
+        "period_s": summary.monitor.period_s,
         "T_world_levelled": {
             "x_m": float(pose.x),
             "y_m": float(pose.y),
@@ -307,10 +307,6 @@ def _lidar_yaml(
     if summary.not_read:
         content["not_read"] = summary.not_read
     return str(yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=1000))
-
-
-def _period_s(recording: Recording, facts: LidarFacts) -> float:
-    return facts.period_s or recording.period_s or PERIOD_S
 
 
 def _pose(recording: Recording, facts: LidarFacts, summary: ImportSummary) -> WorldPose:

@@ -88,12 +88,12 @@ def kind_of(file: Path) -> FileKind | None:
     return FileKind(file.suffix.lower(), format) if format and format != "csv" else None
 
 
-def found_text(folder: Path, most: int = 3) -> str:
+def found_text(folder: Path) -> str:
     """Returns what lies in a folder, as in `4 .las files, such as street.las (LAS or LAZ)`."""
     entries = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
     files = [path for path in entries if path.is_file()]
     if not files:
-        names = ", ".join(f"{path.name}/" for path in entries[:most])
+        names = ", ".join(f"{path.name}/" for path in entries[:3])
         return f"the folders {names}" if names else "an empty folder"
     clouds = [file for file in files if file.suffix.lower() not in BESIDE] or files
     kind = kind_of(clouds[0])

@@ -41,8 +41,7 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
         return recording, []
     times, notes = _times(recording)
     if times is None:
-        why = "no times are known"
-        return recording, [*notes, *_without_clock(recording, period_s, why)]
+        return recording, [*notes, *_without_clock(recording, period_s, "no times are known")]
     steps = np.diff(times)
     if (steps < 0).any():
         order = np.argsort(times, kind="stable")
@@ -87,7 +86,7 @@ def _without_clock(recording: Recording, period_s: float | None, why: str) -> li
 
 def _times(recording: Recording) -> tuple[FloatArray | None, list[str]]:
     """Returns the times from the files, else from the file names, and notes on missing times."""
-    times, notes = recording.times() if recording.times is not None else None, []
+    times, notes = recording.times(), []
     if times is not None and not (has_time := np.isfinite(times)).all():
         first = recording.names[int(has_time.argmin())]
         few = bool((~has_time).mean() <= MOST_UNKNOWN)
@@ -121,7 +120,7 @@ def _reordered(recording: Recording, order: IntArray) -> Recording:
         recording,
         names=tuple(names[i] for i in order),
         read=lambda i: read(int(order[i])),
-        times=None,
+        times=lambda: None,
         slots=tuple(range(len(names))),
     )
 

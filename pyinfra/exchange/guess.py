@@ -21,6 +21,20 @@ FILES = {
     "pcd": (),
 }
 CLOUDS_OF_TOOLS = {name: FILES[name] for name in ("las", "ply", "csv")}
+# Formats of folders, and the files that show them: the first pattern is used in messages.
+PATTERNS: tuple[tuple[str, ...], ...] = (
+    ("nuscenes", "sample.json", "*/sample.json"),
+    ("kitti", "training/velodyne/*.bin", "training/velodyne/*/*.bin"),
+    ("kitti", "velodyne/*.bin", "velodyne/*/*.bin"),
+    *(("dair-v2x", f"{side}/velodyne/*.pcd".removeprefix("./")) for side in SIDES),
+    ("openpcdet", "points/*.npy"),
+    ("openpcdet", "points/*.bin"),
+    ("rcooper", "lidar/*.pcd"),
+    *(("tumtraf", f"{folder}/*.pcd", f"{folder}/*/*.pcd") for folder in CLOUDS),
+    ("pcd", "*.pcd"),
+    ("pcd", "points/*.pcd"),
+    ("bin", "*.bin"),
+)
 MOST_LISTED = 8  # folders in a message
 
 
@@ -68,43 +82,25 @@ def _of_folder(source: Path) -> tuple[str, str]:
 
 def formats_of(source: Path) -> Iterator[tuple[str, str]]:
     """Yields each format that a folder may have, and the files that show this format."""
-    if any(source.glob("sample.json")) or any(source.glob("*/sample.json")):
-        yield "nuscenes", "sample.json"
-    for folder in ("training/velodyne", "velodyne"):
-        if has(source / folder, ".bin") or has(source / folder, "/*.bin"):
-            yield "kitti", f"{folder}/*.bin"
-    for folder in dict.fromkeys(f"{side}/velodyne".removeprefix("./") for side in SIDES):
-        if has(source / folder, ".pcd"):
-            yield "dair-v2x", f"{folder}/*.pcd"
-    for suffix in (".npy", ".bin"):
-        if has(source / "points", suffix):
-            yield "openpcdet", f"points/*{suffix}"
-    if has(source / "lidar", ".pcd") and label_folder(source) is None:
-        yield "rcooper", "lidar/*.pcd"
-    for folder in CLOUDS:
-        if has(source / folder, ".pcd") or has(source / folder, "/*.pcd"):
-            yield "tumtraf", f"{folder}/*.pcd"
-    for folder in ("", "points/"):
-        if has(source / folder, ".pcd"):
-            yield "pcd", f"{folder}*.pcd"
-            parents = resolved(source).parents[:2]
-            if any((parent / name).is_dir() for parent in parents for name in LABELS):
-                yield "tumtraf", f"*.pcd beside {' or '.join(LABELS)}"
-    if has(source, ".bin"):
-        yield "bin", "*.bin"
-    for name, suffixes in FILES.items():
-        for suffix in suffixes:
-            if has(source, suffix):
-                yield name, f"*{suffix}"
-                break
     labels = label_folder(source)
+    for name, *patterns in PATTERNS:
+        fits = any(any(source.glob(pattern)) for pattern in patterns)
+        if not fits or (name == "rcooper" and labels):
+            continue
+        yield name, patterns[0]
+        if name == "pcd" and _is_beside_labels(source):
+            yield "tumtraf", f"*.pcd beside {' or '.join(LABELS)}"
+    for name, suffixes in FILES.items():
+        found = next((s for s in suffixes if any(source.glob(f"*{s}"))), None)
+        if found:
+            yield name, f"*{found}"
     for folder in CLOUD_FOLDERS if labels else ():  # as labelCloud and SUSTechPOINTS keep them
         for name, suffixes in {"pcd": (".pcd",), "bin": (".bin",), **CLOUDS_OF_TOOLS}.items():
-            found = next((s for s in suffixes if has(source / folder, s)), None)
+            found = next((s for s in suffixes if any((source / folder).glob(f"*{s}"))), None)
             if labels and found and folder not in ("", "points"):
                 yield name, f"{folder}/*{found} and {labels.name}/"
 
 
-def has(folder: Path, ending: str) -> bool:
-    """Returns whether a folder has a file with this ending, such as `.pcd` or `/*.pcd`."""
-    return any(True for _ in folder.glob(f"*{ending}"))
+def _is_beside_labels(source: Path) -> bool:
+    parents = resolved(source).parents[:2]
+    return any((parent / name).is_dir() for parent in parents for name in LABELS)

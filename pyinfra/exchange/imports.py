@@ -85,11 +85,10 @@ def import_recording(
     if region and inside:
         check_region(region, inside, recording, estimate)
     types = with_public_types(name, given.types)
-    notes = recording.notes() if recording.notes is not None else []
     facts = replace(
         estimate.facts,
         types=types,
-        assumed=(*notes, *estimate.assumed, *time_notes),
+        assumed=(*recording.notes(), *estimate.assumed, *time_notes),
         not_read=tuple(unread_files(source, recording.reads)),
     )
     lock = ExitStack()  # is closed after the new folder has its name

@@ -7,8 +7,8 @@ There is one file per cloud, with a list of objects. An object has `type`, `3d_d
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence, Set
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -57,24 +57,17 @@ def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
 
     Raises FormatError if the file is no list of objects, and for a rotation in degrees.
     """
-    objects = read_json(file)
+    objects = checked_objects(file, read_json(file))
+    boxes, kept = boxes_of(file, objects, _box, ("type", "track_id"), KNOWN, ids)
+    visibility = [VISIBILITY.get(_state(objects[i]), 1.0) for i in kept]
+    return replace(boxes, visibility=np.array(visibility, dtype=np.float64))
+
+
+def checked_objects(file: Path, objects: object) -> list[dict[str, Any]]:
+    """Returns the objects unchanged. Raises FormatError if they are no list of objects."""
     if not isinstance(objects, list) or not all(isinstance(entry, dict) for entry in objects):
         raise FormatError(f"{file}: expected a list of objects, got {shown(objects)}")
-    found = boxes_of(file, objects, _box, ("type", "track_id"), ids)
-    visibility = [VISIBILITY.get(_state(objects[i]), 1.0) for i in found.kept]
-    return replace(
-        found.boxes,
-        visibility=np.array(visibility, dtype=np.float64),
-        unread=frozenset().union(*objects) - KNOWN,
-    )
-
-
-@dataclass(frozen=True)
-class FoundBoxes:
-    """The boxes of a file, and the positions in the file of the objects with a valid box."""
-
-    boxes: Boxes
-    kept: list[int]
+    return objects
 
 
 def boxes_of(
@@ -82,11 +75,15 @@ def boxes_of(
     objects: Sequence[Mapping[str, Any]],
     box_of: Callable[[str, Mapping[str, Any]], FloatArray],
     keys: tuple[str, str],
+    known: Set[str],
     ids: dict[str, int] | None,
-) -> FoundBoxes:
-    """Reads the objects of a file. `box_of` gets where an object is, and the object.
+) -> tuple[Boxes, list[int]]:
+    """Reads the boxes of objects. Returns them, and the positions of the objects with a valid box.
 
-    `keys` are those of the class and of the track. `ids` is that of `read_objects`. Raises
+    `box_of` gets where an object is, and the object.
+
+    `keys` are those of the class and of the track, and `known` are all that are read. `ids` is that
+    of `read_objects`. Raises
     UnitError; objects with another FormatError are left out.
     """
     rows, kept, left_out = [], [], []
@@ -107,8 +104,9 @@ def boxes_of(
         named = [w if s else f"{file}:{i}" for w, s, i in zip(words, single, kept, strict=True)]
         tracks = np.array([ids.setdefault(key, len(ids)) for key in named], dtype=np.int64)
     values = np.array(rows, dtype=np.float64).reshape(-1, 7)
-    boxes = Boxes(np.array(names, dtype=np.str_), values, tracks, left_out=tuple(left_out))
-    return FoundBoxes(boxes, kept)
+    unread = frozenset().union(*objects) - known
+    boxes = Boxes(np.array(names, dtype=np.str_), values, tracks, None, tuple(left_out), unread)
+    return boxes, kept
 
 
 def track_digest(files: Sequence[Path], key: str = "track_id") -> str:
@@ -147,7 +145,7 @@ def group(location: str, entry: Mapping[str, Any], key: str, parts: Sequence[str
     return [number(f"{location}: {key}.{part}", inside.get(part)) for part in parts]
 
 
-def number(location: str, raw: object) -> float:
+def number(location: str | Path, raw: object) -> float:
     """Converts a number or text to float. Raises FormatError that begins with `location`."""
     try:
         value = float(raw)  # type: ignore[arg-type]

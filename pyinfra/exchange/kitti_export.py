@@ -6,6 +6,7 @@ from pathlib import Path
 from pyinfra.core.files import resolved, write
 from pyinfra.dataset.frames import data_set_of, frame_numbers
 from pyinfra.dataset.outlines import OUTLINES_FILE
+from pyinfra.exchange.recording import write_splits
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti.layout import SUFFIXES
 
@@ -25,7 +26,6 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     for source, copy in copies.items():
         copy.parent.mkdir(parents=True, exist_ok=True)
         write(copy, source.read_bytes())
-    for file in (lidar_folder / "ImageSets").glob("*.txt"):
-        listed = sorted(set(frames) & set(frame_numbers(lidar_folder, file.stem)))
-        (to / "ImageSets").mkdir(exist_ok=True)
-        write(to / "ImageSets" / file.name, "".join(f"{k:06d}\n" for k in listed))
+    parts = [file.stem for file in (lidar_folder / "ImageSets").glob("*.txt")]
+    listed = {part: frame_numbers(lidar_folder, part) for part in parts}
+    write_splits(to / "ImageSets", {part: sorted({*frames} & {*ks}) for part, ks in listed.items()})

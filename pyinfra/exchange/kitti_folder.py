@@ -20,7 +20,7 @@ from pyinfra.exchange.recording import (
     Options,
     RecordedFrame,
     Recording,
-    label_files,
+    check_pairs,
     read_bin,
     read_splits,
     sorted_files,
@@ -49,7 +49,10 @@ def read(source: Path, options: Options) -> Recording:
     if inside and all(path.is_dir() for path in inside):
         return _read_sequence(training, sorted(inside), options)
     clouds = sorted_files(training / "velodyne", [".bin"])
-    folder = label_files(clouds, training / "label_2", options)
+    usual = training / "label_2"
+    folder = options.labels or (usual if usual.is_dir() else None)
+    if folder is not None:
+        check_pairs(clouds, sorted_files(folder, [".txt"]))
     names = tuple(stem(file) for file in clouds)
     columns, note = columns_of(clouds, options)
 

@@ -1,7 +1,7 @@
 """Finds the labels of a folder of clouds, and reads them: text, CSV, or JSON of several tools."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 
@@ -32,13 +32,18 @@ NO_TRACK = ("", "-1", "nan", "None")
 
 @dataclass(frozen=True, eq=False)
 class LabelFiles:
-    """The labels of the clouds of a recording."""
+    """The clouds of a recording and their labels. Without labels, there are no files."""
 
     clouds: list[Path]  # the clouds that have labels, or all
-    read: Callable[[str], Boxes]  # maps the name of a cloud to its boxes; raises FormatError
-    files: tuple[Path, ...]
+    # Maps the name of a cloud to its boxes. Raises FormatError.
+    read: Callable[[str], Boxes] = lambda name: NO_BOXES
+    files: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()
     tracks_sha256: str = ""
+
+    @property
+    def labelled(self) -> bool:
+        return bool(self.files)
 
 
 def clouds_in(source: Path, suffixes: Sequence[str]) -> list[Path]:
@@ -65,17 +70,17 @@ def label_folder(source: Path) -> Path | None:
     return next((f for f in folders if f.is_dir() and _suffixes(f)), None)
 
 
-def open_labels(clouds: list[Path], source: Path, options: Options) -> LabelFiles | None:
+def open_labels(clouds: list[Path], source: Path, options: Options) -> LabelFiles:
     """Opens the labels of clouds: `options.labels`, else those of the usual folder of `source`.
 
     Labels are .txt or .csv files for each cloud, one .csv file with a column of frames, one
     OpenLABEL file with all frames, or .json files of labelCloud, SUSTechPOINTS, OpenLABEL or
-    DAIR-V2X for each cloud. Returns None without labels. Raises
-    Error for labels that do not pair with clouds, and FormatError for an unknown kind.
+    DAIR-V2X for each cloud. Raises Error for labels that do not pair with clouds, and FormatError
+    for an unknown kind.
     """
     place = options.labels or label_folder(source) or _open_label(source)
     if place is None:
-        return None
+        return LabelFiles(clouds)
     if place.is_file() and place.suffix.lower() == ".json":
         by_cloud = read_sequence(place, [stem(cloud) for cloud in clouds])
         digest = sha256(place.read_bytes()).hexdigest()[:16]
@@ -97,6 +102,27 @@ def open_labels(clouds: list[Path], source: Path, options: Options) -> LabelFile
     if suffixes[0] == ".csv":
         return _of_csv_files(clouds, files, options)
     return _of_json(clouds, files)
+
+
+def paired_labels(
+    clouds: list[Path], folder: Path | None, read: Callable[[Path], Boxes]
+) -> LabelFiles:
+    """Opens a folder with a .json file for each cloud. Without a folder, there are no labels.
+
+    Raises Error for labels that do not pair with clouds.
+    """
+    if folder is None:
+        return LabelFiles(clouds)
+    check_pairs(clouds, sorted_files(folder, [".json"]))
+    return LabelFiles(clouds, lambda name: read(folder / f"{name}.json"), (folder,))
+
+
+def object_labels(clouds: list[Path], folder: Path | None) -> LabelFiles:
+    """Opens the labels of DAIR-V2X or RCooper. Raises Error like `paired_labels`."""
+    ids: dict[str, int] = {}
+    labels = paired_labels(clouds, folder, lambda file: read_objects(file, ids if tracks else None))
+    tracks = track_digest(sorted_files(folder, [".json"])) if folder else ""
+    return replace(labels, tracks_sha256=tracks)
 
 
 def _open_label(source: Path) -> Path | None:
@@ -147,15 +173,12 @@ def _of_json(clouds: list[Path], files: list[Path]) -> LabelFiles:
         )
     key = {"SUSTechPOINTS": "obj_id", "DAIR-V2X": "track_id"}.get(kind, "openlabel")
     digest = track_digest(files, key)
-
-    def read(name: str) -> Boxes:
-        if kind == "SUSTechPOINTS":
-            return read_sustech(by_name[name], ids)
-        if kind == "OpenLABEL":
-            return read_cuboids(by_name[name], ids)
-        return read_objects(by_name[name], ids if digest else None)
-
-    return LabelFiles(kept, read, tuple(files), tuple(notes), digest)
+    read: Callable[[Path], Boxes] = {
+        "SUSTechPOINTS": lambda file: read_sustech(file, ids),
+        "OpenLABEL": lambda file: read_cuboids(file, ids),
+        "DAIR-V2X": lambda file: read_objects(file, ids if digest else None),
+    }[kind]
+    return LabelFiles(kept, lambda name: read(by_name[name]), tuple(files), tuple(notes), digest)
 
 
 def _kind(files: Sequence[Path]) -> str:

@@ -1,7 +1,5 @@
 """Reads .las and .laz clouds, one file per frame, with laspy."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 
@@ -11,7 +9,7 @@ import numpy as np
 from pyinfra.core.arrays import Records, unchecked
 from pyinfra.core.errors import FormatError
 from pyinfra.exchange.record_clouds import read_clouds
-from pyinfra.exchange.recording import Options, Recording
+from pyinfra.exchange.recording import Options, Recording, records_of
 
 FIELDS = ("intensity", "gps_time", "ring", "line", "reflectivity", "timestamp", "scan_channel")
 MOST_POINTS = 200_000_000
@@ -54,14 +52,8 @@ def read_las(file: Path) -> Records:
         ) from None
     names = {name.lower(): name for name in cloud.point_format.dimension_names}
     present = [name for name in FIELDS if name in names]
-    columns = {name: np.asarray(cloud[names[name]]) for name in present}
-    kinds = [(axis, "<f8") for axis in "xyz"]
-    out = np.empty(len(cloud.points), dtype=kinds + [(n, c.dtype) for n, c in columns.items()])
-    for axis in "xyz":
-        out[axis] = np.asarray(cloud[axis])
-    for name, column in columns.items():
-        out[name] = column
-    return out
+    columns = {axis: np.asarray(cloud[axis], dtype=np.float64) for axis in "xyz"}
+    return records_of(columns | {name: np.asarray(cloud[names[name]]) for name in present})
 
 
 def _check_counts(file: Path) -> None:

@@ -10,7 +10,9 @@ from pyinfra.core.arrays import Points
 from pyinfra.exchange import pcd
 from pyinfra.exchange.bin_columns import USUAL, columns_of
 from pyinfra.exchange.data_set import has_return
+from pyinfra.exchange.label_files import LabelFiles
 from pyinfra.exchange.pose_estimation import WIDE
+from pyinfra.exchange.record_clouds import readable
 from pyinfra.exchange.recording import Options, read_bin
 from pyinfra.exchange.units import usual_intensity_max
 from pyinfra.formats import kitti, pcd_file
@@ -30,7 +32,7 @@ def cloud_reader(clouds: Sequence[Path]) -> tuple[Callable[[Path], Points], list
     bins = [cloud for cloud in clouds if cloud not in pcds]
     columns, assumed = columns_of(bins, Options())
     notes = [assumed] if columns != USUAL else []
-    notes += pcd.Clouds(pcds, Options()).notes(shifted=False, timed=False)
+    notes += pcd.Clouds(LabelFiles(pcds), Options()).notes(shifted=False, timed=False)
     chosen = pcds
     if len(pcds) > CHECKED:  # selects files that are evenly distributed
         chosen = [pcds[i * len(pcds) // CHECKED] for i in range(CHECKED)]
@@ -60,5 +62,5 @@ def _points(file: Path, options: Options) -> Points:
 def _brightest(file: Path) -> float:
     """Returns the highest finite intensity of a .pcd file, or 0; also 0 if it cannot be read."""
     read = partial(_points, options=Options(intensity_max=WIDE.intensity_max))
-    shares = np.concatenate([points[:, 3] for points in pcd.readable(read, [file])] or [NONE])
+    shares = np.concatenate([points[:, 3] for points in readable(read, [file])] or [NONE])
     return float(shares[np.isfinite(shares)].max(initial=0)) * (WIDE.intensity_max or 1)

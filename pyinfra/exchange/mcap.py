@@ -23,7 +23,6 @@ import numpy as np
 from mcap.records import Schema
 from mcap_ros2.writer import Writer
 
-from pyinfra.core.arrays import Records
 from pyinfra.core.files import replacing
 from pyinfra.exchange.ros_definitions import (
     DEFINITIONS,
@@ -38,6 +37,7 @@ from pyinfra.exchange.series import (
     FrameSeries,
     StoredFrame,
     nanoseconds,
+    point_records,
     read_frames,
     read_series,
 )
@@ -50,11 +50,11 @@ COLOUR = {"r": 1.0, "g": 0.6, "b": 0.1, "a": 0.4}
 
 # Type numbers of sensor_msgs/PointField.
 _DATATYPES = {"<f4": 7, "|u1": 2, "<u2": 4, "<i4": 5}
-# Maps kitti.FIELDS to the names that other tools use.
+# Maps the names that other tools use to those of kitti.FIELDS.
 _FIELDS = {
-    "time_s": "time",
+    "time": "time_s",
     "ring": "ring",
-    "class": "class_id",
+    "class_id": "class",
     "echo": "echo",
     "object_id": "object_id",
 }
@@ -91,7 +91,7 @@ def _write_frame(
 
 def cloud(frame_id: str, frame: StoredFrame) -> Message:
     """Returns a sensor_msgs/PointCloud2 with all available fields of the points."""
-    records = _records(frame)
+    records = point_records(frame.points, frame.fields, _FIELDS)
     step = records.dtype.itemsize
     return {
         "header": header(frame.start_s, frame_id),
@@ -130,18 +130,6 @@ def transforms(series: FrameSeries, frame: StoredFrame) -> Message:
             for time_s in (frame.start_s, frame.middle_s)
         ]
     }
-
-
-def _records(frame: StoredFrame) -> Records:
-    """Returns packed records (n,) with all available fields of the points."""
-    columns = {name: frame.points[:, i] for i, name in enumerate(("x", "y", "z", "intensity"))}
-    if frame.fields is not None:
-        columns |= {name: frame.fields[key] for key, name in _FIELDS.items()}
-    types = [(name, column.dtype.newbyteorder("<")) for name, column in columns.items()]
-    records = np.empty(len(frame.points), dtype=types)
-    for name, column in columns.items():
-        records[name] = column
-    return records
 
 
 def _point_fields(dtype: np.dtype[Any]) -> list[Message]:

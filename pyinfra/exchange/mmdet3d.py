@@ -13,6 +13,7 @@ from typing import Any
 from pyinfra.core.boxes import points_in_boxes
 from pyinfra.core.files import write
 from pyinfra.core.version import __version__
+from pyinfra.exchange.recording import write_splits
 from pyinfra.exchange.road_level import (
     CLASSES,
     RoadFrame,
@@ -20,7 +21,6 @@ from pyinfra.exchange.road_level import (
     road_frames,
     site_of,
     train_and_val,
-    write_lists,
     write_sensor,
 )
 
@@ -39,7 +39,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     labels = read_labels(lidar_folder, frames)
     site = site_of(lidar_folder, labels)
     lists = train_and_val(lidar_folder, frames)
-    write_lists(out, lists)
+    write_splits(out / "ImageSets", lists)
     write_sensor(out, site)
     (out / "points").mkdir()
     infos = {}
@@ -48,8 +48,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
         infos[frame.number] = _info(frame)
     for part, numbers in lists.items():
         content = {"metainfo": METAINFO, "data_list": [infos[k] for k in numbers]}
-        file = out / f"custom_infos_{part}.pkl"
-        write(file, pickle.dumps(content, protocol=PROTOCOL))
+        write(out / f"custom_infos_{part}.pkl", pickle.dumps(content, protocol=PROTOCOL))
 
 
 def _info(frame: RoadFrame) -> dict[str, Any]:

@@ -105,7 +105,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
             _write_cloud(out / common.cloud_name(frame.number), frame)
         for scene in scenes:
             scene.close()
-        common.add_categories()
+        common.add_names("category", common.categories)
     splits = {f"infrasim_{scene.part}": [scene.name] for scene in scenes}
     write(out / VERSION / "splits.json", json.dumps(splits))
 
@@ -195,19 +195,17 @@ class _Common:
         for number, (level, least) in enumerate(VISIBILITY.items(), start=1):
             text = f"visible from {least:.0%} on"
             self.add["visibility"]({"token": str(number), "level": level, "description": text})
-        for name in sorted({*_DRIVES, *_RIDDEN, *_WALKS}):
-            row = {"token": self.token("attribute", name), "name": name, "description": ""}
-            self.add["attribute"](row)
+        self.add_names("attribute", {*_DRIVES, *_RIDDEN, *_WALKS})
+
+    def add_names(self, kind: str, names: set[str]) -> None:
+        """Writes a row for each name of an attribute or category."""
+        for name in sorted(names):
+            self.add[kind]({"token": self.token(kind, name), "name": name, "description": ""})
 
     def attributes(self, category: Category, speed: float) -> list[str]:
         """Returns the attribute tokens; an empty list for an unknown speed or class."""
         name = category.moving if speed > STILL_MPS else category.standing
         return [] if name is None or np.isnan(speed) else [self.token("attribute", name)]
-
-    def add_categories(self) -> None:
-        for name in sorted(self.categories):
-            row = {"token": self.token("category", name), "name": name, "description": ""}
-            self.add["category"](row)
 
 
 class _Scene:

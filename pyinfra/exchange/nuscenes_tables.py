@@ -7,7 +7,6 @@ frame.
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from collections.abc import Sequence
@@ -143,10 +142,7 @@ class Tables:
 
     def _read(self, table: str) -> dict[str, Row]:
         file = self._file(table)
-        try:
-            rows = json.loads(file.read_text(encoding="utf-8"))
-        except (ValueError, RecursionError) as error:  # the file is not JSON, for example
-            raise FormatError(f"{file}: cannot be read as JSON: {error}") from None
+        rows = read_json(file)
         if not isinstance(rows, list) or not all(
             isinstance(row, dict) and "token" in row for row in rows
         ):

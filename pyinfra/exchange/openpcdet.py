@@ -21,8 +21,6 @@ from pyinfra.exchange.box_text import write_boxes
 from pyinfra.exchange.label_files import open_labels
 from pyinfra.exchange.openpcdet_configs import write_configs
 from pyinfra.exchange.recording import (
-    NO_BOXES,
-    Boxes,
     Options,
     RecordedFrame,
     Recording,
@@ -31,6 +29,7 @@ from pyinfra.exchange.recording import (
     read_splits,
     sorted_files,
     stem,
+    write_splits,
 )
 from pyinfra.exchange.road_level import (
     SENSOR_FILE,
@@ -39,7 +38,6 @@ from pyinfra.exchange.road_level import (
     road_frames,
     site_of,
     train_and_val,
-    write_lists,
     write_sensor,
 )
 from pyinfra.formats import kitti
@@ -57,8 +55,8 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     # OpenPCDet's info script fails on a frame without a label. Therefore frames without a label are
     # written, but not listed in ImageSets.
     listed = {k for k, entries in zip(frames, labels, strict=True) if len(entries) > 0}
-    lists = train_and_val(lidar_folder, frames)
-    write_lists(out, {part: [k for k in entries if k in listed] for part, entries in lists.items()})
+    lists = train_and_val(lidar_folder, frames).items()
+    write_splits(out / "ImageSets", {part: [k for k in ks if k in listed] for part, ks in lists})
     write_sensor(out, site)
     write_configs(out, site.vehicles, kitti.read_lidar(lidar_folder))
     for part in ("points", "labels"):
@@ -75,9 +73,8 @@ def read(source: Path, options: Options) -> Recording:
     sensor. Raises FileNotFoundError, and Error for labels that do not pair with clouds. Reading a
     frame raises FormatError.
     """
-    clouds = sorted_files(source / "points", [".npy", ".bin"])
-    labels = open_labels(clouds, source, options)
-    clouds = labels.clouds if labels else clouds
+    labels = open_labels(sorted_files(source / "points", [".npy", ".bin"]), source, options)
+    clouds = labels.clouds
     height = read_sensor_height(source)
     names = tuple(stem(file) for file in clouds)
     bins = [file for file in clouds if file.suffix.lower() == ".bin"]
@@ -85,40 +82,25 @@ def read(source: Path, options: Options) -> Recording:
 
     def frame(i: int) -> RecordedFrame:
         points = _read_cloud(clouds[i], columns, options)
-        boxes = labels.read(names[i]) if labels else NO_BOXES
-        return RecordedFrame(_lowered(points, height), _lowered_boxes(boxes, height))
+        points[:, 2] -= np.float32(height)
+        boxes = labels.read(names[i])
+        lowered = boxes.boxes - [0, 0, height, 0, 0, 0, 0]
+        return RecordedFrame(points, replace(boxes, boxes=lowered))
 
     splits, notes = read_splits(source / "ImageSets", names)
-    notes += [*(labels.notes if labels else ()), *([note] if note else [])]
+    notes += [*labels.notes, *([note] if note else [])]
     return Recording(
         names,
         frame,
-        labels is not None,
+        labels.labelled,
         splits,
-        tracks_sha256=labels.tracks_sha256 if labels else "",
+        tracks_sha256=labels.tracks_sha256,
         notes=lambda: notes,
         reads=(
-            *(*clouds, *(labels.files if labels else ())),
+            *(*clouds, *labels.files),
             *(source / name for name in ("ImageSets", SENSOR_FILE, "cfgs")),
         ),
     )
-
-
-def _lowered(points: Points, height: float) -> Points:
-    """Converts z of points from height above the road to height above the sensor.
-
-    height: height of the sensor above the road, metres.
-    """
-    if height != 0:
-        points = points.copy()
-        points[:, 2] -= np.float32(height)
-    return points
-
-
-def _lowered_boxes(original: Boxes, height: float) -> Boxes:
-    boxes = original.boxes.copy()
-    boxes[:, 2] -= height
-    return replace(original, boxes=boxes)
 
 
 def _write_cloud(file: Path, points: Points) -> None:

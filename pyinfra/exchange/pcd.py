@@ -1,10 +1,9 @@
 """Reads and writes PCD folders: points/NNNNNN.pcd with all point fields, and labels/NNNNNN.txt."""
 
-import contextlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,32 +13,21 @@ from pyinfra.dataset.frame_readers import read_cameras
 from pyinfra.exchange.box_text import write_boxes
 from pyinfra.exchange.frame_times import seconds_of_stamp
 from pyinfra.exchange.known_objects import known_objects
-from pyinfra.exchange.label_files import clouds_in, open_labels
+from pyinfra.exchange.label_files import LabelFiles, clouds_in, open_labels
 from pyinfra.exchange.point_fields import (
     INTENSITIES,
     TIMES,
-    PointFields,
     intensity_field,
-    map_offset,
     named_fields,
     offset_note,
 )
-from pyinfra.exchange.recording import (
-    NO_BOXES,
-    Boxes,
-    Options,
-    RecordedFrame,
-    Recording,
-    as_points,
-    read_splits,
-    stem,
-)
+from pyinfra.exchange.record_clouds import FIRST, RecordClouds, readable
+from pyinfra.exchange.recording import Options, Recording, as_points, read_splits
+from pyinfra.exchange.series import point_records, read_fields
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti.layout import FARTHEST_M
 from pyinfra.formats.pcd_file import Header, Viewpoint, read_header, read_pcd, write_pcd
 
-_Read = TypeVar("_Read")
-POINT_FIELDS: list[tuple[str, Any]] = [(name, "<f4") for name in ("x", "y", "z", "intensity")]
 # Maps additional fields of the .pcd files to their names in kitti.FIELDS.
 MORE = {
     "time": "time_s",
@@ -48,9 +36,6 @@ MORE = {
     "class": "class",
     "echo": "echo",
 }
-# Number of first clouds whose values decide what the fields mean. A single cloud is not enough,
-# because an empty cloud has no values.
-FIRST = 3
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
@@ -61,16 +46,10 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     for part in ("points", "labels"):
         (out / part).mkdir()
     cameras = read_cameras(lidar_folder, frames)
-    has_fields = (lidar_folder / "training/fields").is_dir()
     for frame, camera in zip(frames, cameras.of_frame, strict=True):
         points = kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", frame))
-        file = kitti.frame_file(lidar_folder, "fields", frame)
-        fields = kitti.read_fields(file) if has_fields else None
-        if fields is not None and len(fields) != len(points):
-            raise FormatError(
-                f"{file}: expected {len(points)} records, one for each point, got {len(fields)}"
-            )
-        write_pcd(out / f"points/{frame:06d}.pcd", _records(points, fields))
+        fields = read_fields(lidar_folder, frame, len(points))
+        write_pcd(out / f"points/{frame:06d}.pcd", point_records(points, fields, MORE))
         file = kitti.frame_file(lidar_folder, "label_2", frame)
         labels = kitti.read_labels(file, calibration=cameras.different[camera])
         known = known_objects(kitti.frame_file(lidar_folder, "objects", frame), labels)
@@ -83,61 +62,33 @@ def read(source: Path, options: Options) -> Recording:
     Raises FileNotFoundError, and Error for labels that do not pair with clouds. Reading a frame
     raises FormatError.
     """
-    clouds = clouds_in(source, [".pcd"])
-    labels = open_labels(clouds, source, options)
-    clouds = labels.clouds if labels else clouds
-    names = tuple(stem(file) for file in clouds)
-    contents = Clouds(clouds, options, labelled=labels is not None)
-
-    def frame(i: int) -> RecordedFrame:
-        return contents.frame(i, labels.read(names[i]) if labels else NO_BOXES)
-
-    splits, notes = read_splits(source / "ImageSets", names)
-    return Recording(
-        names,
-        frame,
-        labels is not None,
-        splits,
-        tracks_sha256=labels.tracks_sha256 if labels else "",
-        times=lambda: stamps(clouds),
-        notes=lambda: [*notes, *(labels.notes if labels else ()), *contents.notes()],
-        origin=contents.origin,
-        reads=(*clouds, *(labels.files if labels else ()), source / "ImageSets"),
-        unread_parts=contents.unread_parts,
+    labels = open_labels(clouds_in(source, [".pcd"]), source, options)
+    recording = Clouds(labels, options).recording()
+    splits, notes = read_splits(source / "ImageSets", recording.names)
+    return replace(
+        recording,
+        splits=splits,
+        times=lambda: stamps(labels.clouds),
+        notes=lambda: [*notes, *recording.notes()],
+        reads=(*recording.reads, source / "ImageSets"),
     )
 
 
-class Clouds:
+class Clouds(RecordClouds):
     """The .pcd clouds of a recording, and information from the headers of all of them."""
 
-    def __init__(self, files: Sequence[Path], options: Options, *, labelled: bool = False) -> None:
-        self.files, self.options, self.labelled = files, options, labelled
+    def __init__(self, labels: LabelFiles, options: Options) -> None:
+        super().__init__(labels, read_pcd, options)
 
-    def frame(self, i: int, boxes: Boxes) -> RecordedFrame:
-        """Reads a cloud by its index. Raises FormatError."""
-        file, records = self.files[i], read_pcd(self.files[i])
-        points = points_of(file, records, self.options, offset=self.offset)
-        return RecordedFrame(points, boxes, self.fields.read(str(file), records))
+    def points(self, file: Path, records: Records) -> Points:
+        return points_of(file, records, self.options, offset=self.fields.offset)
 
-    @cached_property
-    def fields(self) -> PointFields:
-        return PointFields(self._first)
-
-    @cached_property
-    def _first(self) -> list[Records]:
-        return list(readable(read_pcd, self.files[:FIRST]))
-
-    @cached_property
-    def offset(self) -> FloatArray:
-        return map_offset(self._first)
-
-    def unread_parts(self) -> list[str]:
-        """Returns a text with the fields of the first clouds that are not read."""
-        return self.fields.unread(self._first)
+    def recording(self) -> Recording:
+        return replace(super().recording(), origin=self.origin)
 
     @cached_property
     def _all(self) -> list[Header]:
-        return list(readable(read_header, self.files))
+        return list(readable(read_header, self.labels.clouds))
 
     def origin(self) -> FloatArray | None:
         """Returns the sensor's position (3,) in the frame of the points, in the source's unit.
@@ -156,18 +107,18 @@ class Clouds:
             poses = [np.vstack([h.viewpoint.turn, h.viewpoint.shift]) for h in self._all]
             if any(not np.array_equal(pose, poses[0]) for pose in poses):
                 text += f" in {moved[0].file.name}; other clouds have another VIEWPOINT"
-            notes.append(f"VIEWPOINT of {len(moved)} of {len(self.files)} clouds: {text}")
-            if self.labelled:
+            notes.append(f"VIEWPOINT of {len(moved)} of {len(self.labels.clouds)} clouds: {text}")
+            if self.labels.labelled:
                 notes.append("labels are assumed to be in the frame of the moved points")
         dark = [h for h in self._all if not named_fields(h.record, INTENSITIES)]
         if dark:
             names = " ".join(dark[0].record.names or ())
             notes.append(
-                f"{len(dark)} of {len(self.files)} clouds have no intensity field ({names}): "
-                "intensities are set to 0"
+                f"{len(dark)} of {len(self.labels.clouds)} clouds have no intensity field "
+                f"({names}): intensities are set to 0"
             )
-        if self.offset.any():
-            notes.append(offset_note(self.offset))
+        if self.fields.offset.any():
+            notes.append(offset_note(self.fields.offset))
         return notes + self.fields.notes if timed else notes
 
 
@@ -191,13 +142,6 @@ def stamps(clouds: Sequence[Path]) -> FloatArray | None:
     return np.array([_stamp_of(file) for file in clouds], dtype=np.float64)
 
 
-def readable(read: Callable[[Path], _Read], files: Sequence[Path]) -> Iterator[_Read]:
-    """Yields what `read` returns for each file, without files that are wrong."""
-    for file in files:
-        with contextlib.suppress(FormatError):
-            yield read(file)
-
-
 def _stamp_of(file: Path) -> float | None:
     return next((_stamp(records) for records in readable(read_pcd, [file])), None)
 
@@ -207,17 +151,6 @@ def _stamp(records: Records) -> float | None:
     values = records[name] if name else np.empty(0)
     values = values[np.isfinite(values) & (values > 0)]
     return seconds_of_stamp(float(values.min())) if len(values) > 0 else None
-
-
-def _records(points: Points, fields: Records | None) -> Records:
-    more = [(name, kitti.FIELDS[field_name]) for name, field_name in MORE.items()]
-    out = np.empty(len(points), dtype=POINT_FIELDS if fields is None else [*POINT_FIELDS, *more])
-    for i, (name, _) in enumerate(POINT_FIELDS):
-        out[name] = points[:, i]
-    if fields is not None:
-        for name, field_name in MORE.items():
-            out[name] = fields[field_name]
-    return out
 
 
 @unchecked

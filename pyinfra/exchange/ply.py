@@ -5,12 +5,12 @@ Follows the public description ("The PLY Polygon File Format", Greg Turk, 1994).
 
 import io
 from pathlib import Path
-from typing import BinaryIO, NoReturn
+from typing import BinaryIO
 
 import numpy as np
 
 from pyinfra.core.arrays import AnyArray, Records
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import fail
 from pyinfra.exchange.record_clouds import read_clouds
 from pyinfra.exchange.recording import Options, Recording
 
@@ -48,26 +48,26 @@ def read_ply(file: Path) -> Records:
     try:
         dtype = np.dtype(kinds)
     except ValueError as error:
-        _fail(file, f"element vertex: {error}")
+        fail(file, f"element vertex: {error}")
     if encoding == "ascii":
         lines = data.decode("ascii", "replace").splitlines()[:count]
         if len(lines) < count:
-            _fail(file, f"expected {count} vertices, got {len(lines)} lines")
+            fail(file, f"expected {count} vertices, got {len(lines)} lines")
         try:
             rows: AnyArray = np.empty(0, dtype)
             if count:
                 rows = np.loadtxt(io.StringIO("\n".join(lines)), dtype=dtype)
         except ValueError as error:
-            _fail(file, f"vertices: {error}")
+            fail(file, f"vertices: {error}")
         return np.atleast_1d(rows)
     if len(data) < count * dtype.itemsize:
-        _fail(file, f"expected {count * dtype.itemsize} bytes of vertices, got {len(data)}")
+        fail(file, f"expected {count * dtype.itemsize} bytes of vertices, got {len(data)}")
     return np.frombuffer(data, dtype, count)
 
 
 def _header(file: Path, stream: BinaryIO) -> tuple[str, int, list[tuple[str, str]]]:
     if stream.readline(100).strip() != b"ply":
-        _fail(file, "expected 'ply', got a different first line", 1)
+        fail(file, "expected 'ply', got a different first line", 1)
     encoding, elements, kinds, count = "", [], [], -1
     for number in range(2, MOST_LINES):
         line = stream.readline(10_000)
@@ -80,18 +80,14 @@ def _header(file: Path, stream: BinaryIO) -> tuple[str, int, list[tuple[str, str
             elements.append(words[1])
             if words[1] == "vertex":
                 if not words[2].isdecimal() or len(words[2]) > 9:
-                    _fail(file, f"element vertex: expected a count, got '{words[2][:20]}'", number)
+                    fail(file, f"element vertex: expected a count, got '{words[2][:20]}'", number)
                 count = int(words[2])
         elif words[:1] == ["property"] and elements[-1:] == ["vertex"]:
             if len(words) != 3 or words[1] not in TYPES:
-                _fail(file, f"expected a property with one value per vertex, got {words}", number)
+                fail(file, f"expected a property with one value per vertex, got {words}", number)
             kinds.append((words[2].lower(), ORDERS[encoding or "ascii"] + TYPES[words[1]]))
         elif words and words[0] not in ("property", "comment", "obj_info"):
-            _fail(file, f"expected format, element or property, got '{words[0][:20]}'", number)
+            fail(file, f"expected format, element or property, got '{words[0][:20]}'", number)
     if not encoding or count < 0 or not kinds or elements[0] != "vertex":
-        _fail(file, "expected a header with format, then the element vertex and its properties")
+        fail(file, "expected a header with format, then the element vertex and its properties")
     return encoding, count, kinds
-
-
-def _fail(file: Path, what: str, line: int | None = None) -> NoReturn:
-    raise FormatError(f"{file}:{line}: {what}" if line else f"{file}: {what}")

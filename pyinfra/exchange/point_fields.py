@@ -57,7 +57,9 @@ class PointTimes:
     def seconds(self, records: Records) -> FloatArray:
         """Returns the time (n,) of each point since the start of the frame; 0 if it is invalid."""
         values = records[self.field]
-        valid = is_valid(values, absolute=self.is_absolute)
+        valid = np.isfinite(values)
+        if self.is_absolute:  # then 0 means a ray without a return
+            valid &= values > 0
         out = np.zeros(len(values))
         if valid.any():
             # Large numbers lose digits, so the subtraction comes before the conversion.
@@ -67,11 +69,13 @@ class PointTimes:
 
 
 class PointFields:
-    """The fields of all points of a recording, decided from some of its clouds."""
+    """The fields and the offset of all points of a recording, decided from some of its clouds."""
 
     @unchecked
-    def __init__(self, samples: Iterable[Records]) -> None:
-        samples = [records for records in samples if len(records) > 0]
+    def __init__(self, clouds: Iterable[Records]) -> None:
+        self.clouds = list(clouds)
+        self.offset = map_offset(self.clouds)
+        samples = [records for records in self.clouds if len(records) > 0]
         names = set(samples[0].dtype.names or ()) if samples else set()
         self.times, self.notes = _point_times(samples)
         if names >= EXPORTED:
@@ -85,16 +89,25 @@ class PointFields:
                 f"points have a {has} (`{field}`), but no {lacks} is known: {has} is not used"
             )
 
-    def unread(self, samples: Iterable[Records]) -> list[str]:
+    def unread(self) -> list[str]:
         """Returns a text with the fields of clouds that are not read, or nothing."""
         read = {self.ring, self.times.field if self.times else None}
         names: dict[str, None] = {}
-        for records in samples:
+        for records in self.clouds:
             own = named_fields(records.dtype, [*"xyz", *OWN, *(a for n in OWN.values() for a in n)])
             used = {*own, intensity_field(records), *read}
             names |= dict.fromkeys(n for n in records.dtype.names or () if n not in used)
         kept = [name for name in names if not name.startswith("_")]
         return [f"fields of points: {', '.join(kept)}"] if kept else []
+
+    def cloud_notes(self) -> list[str]:
+        """Describes the assumptions about offset, intensity and point times of a recording."""
+        notes = list(self.notes)
+        if self.offset.any():
+            notes.append(offset_note(self.offset))
+        if any(intensity_field(records) is None for records in self.clouds):
+            notes.append("clouds without an intensity: intensities are set to 0")
+        return notes
 
     @unchecked
     def read(self, location: str, records: Records) -> Records | None:
@@ -176,22 +189,6 @@ def offset_note(offset: FloatArray) -> str:
         f"coordinates are those of a map: ({x:.0f}, {y:.0f}, {z:.0f}) is subtracted. The sensor is "
         "probably not at the origin"
     )
-
-
-def cloud_notes(fields: PointFields, offset: FloatArray, samples: Iterable[Records]) -> list[str]:
-    """Describes the assumptions about offset, intensity and point times of a recording."""
-    notes = list(fields.notes)
-    if offset.any():
-        notes.append(offset_note(offset))
-    if any(intensity_field(records) is None for records in samples):
-        notes.append("clouds without an intensity: intensities are set to 0")
-    return notes
-
-
-def is_valid(values: AnyArray, *, absolute: bool) -> AnyArray:
-    """Returns (n,) whether times are finite. An absolute time of 0 means a ray without a return."""
-    finite = np.isfinite(values)
-    return finite & (values > 0) if absolute else finite
 
 
 def _point_times(samples: Sequence[Records]) -> tuple[PointTimes | None, list[str]]:

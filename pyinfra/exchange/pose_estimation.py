@@ -78,9 +78,10 @@ def survey(source: Path, read: Read, options: Options, given: LidarFacts, *, roa
     is estimated. Raises Error if the unit or height cannot be determined. The message names the
     argument that sets it.
     """
-    recording = read(source, _wide(options))
+    wide = replace(options, unit_m=WIDE.unit_m, intensity_max=WIDE.intensity_max)
+    recording = read(source, wide)
     clouds = _clouds(recording)
-    origin = recording.origin() if road and recording.origin is not None else None
+    origin = recording.origin() if road else None
     if origin is not None:
         clouds = [cloud - [*origin, 0] for cloud in clouds]
     unit = unit_of(source, clouds, options) if road else 1.0
@@ -149,10 +150,6 @@ def check_region(file: Path, region: Region, recording: Recording, estimate: Sur
         f"got no return inside in {len(chosen)} frames; all returns have x and y within "
         f"{reach:.0f} m"
     )
-
-
-def _wide(options: Options) -> Options:
-    return replace(options, unit_m=WIDE.unit_m, intensity_max=WIDE.intensity_max)
 
 
 def _spread(recording: Recording) -> list[int]:

@@ -2,33 +2,20 @@
 
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import overload
 
 from tqdm import tqdm
 
 
-class Shown(Sequence[int]):
+class Shown(list[int]):
     """Frame numbers whose iteration shows a progress bar on stderr, if stderr is a terminal."""
-
-    def __init__(self, frames: Sequence[int]) -> None:
-        self.frames = frames
-
-    def __len__(self) -> int:
-        return len(self.frames)
-
-    @overload
-    def __getitem__(self, at: int) -> int: ...
-    @overload
-    def __getitem__(self, at: slice) -> Sequence[int]: ...
-    def __getitem__(self, at: int | slice) -> int | Sequence[int]:
-        return self.frames[at]
 
     def __iter__(self) -> Iterator[int]:
         # With disable=None, there is no progress bar if stderr is not a terminal.
+        numbers = self[:]
         return iter(
-            tqdm(self.frames, unit="frame", disable=None, leave=False, delay=2, file=sys.stderr)
+            tqdm(numbers, unit="frame", disable=None, leave=False, delay=2, file=sys.stderr)
         )
 
 

@@ -4,26 +4,19 @@ The reader follows RCooper's public converters. Labels are in label(s)/SCENE/POL
 in the LiDAR's frame. calib/lidar2world/POLE.json contains the pose and tilt of the LiDAR.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from pyinfra.core.errors import FormatError
 from pyinfra.core.files import resolved
-from pyinfra.exchange.data_set import levelled
-from pyinfra.exchange.json_boxes import read_json, read_objects, shown, track_digest
+from pyinfra.exchange.data_set import upright
+from pyinfra.exchange.json_boxes import read_json, shown
+from pyinfra.exchange.label_files import object_labels
 from pyinfra.exchange.nuscenes_tables import angles_of
 from pyinfra.exchange.pcd import Clouds
-from pyinfra.exchange.recording import (
-    NO_BOXES,
-    Options,
-    RecordedFrame,
-    Recording,
-    check_pairs,
-    sorted_files,
-    stem,
-)
+from pyinfra.exchange.recording import Options, Recording, sorted_files
 from pyinfra.formats.kitti import WorldPose
 
 LABELS = ("label", "labels")
@@ -40,34 +33,9 @@ def read(source: Path, options: Options) -> Recording:
     top = resolved(source).parents[3]
     beside = (top / name / scene / pole / sequence for name in LABELS)
     folder = options.labels or next((path for path in beside if path.is_dir()), None)
-    tracks = ""
-    if folder is not None:
-        labels = sorted_files(folder, [".json"])
-        check_pairs(clouds, labels)
-        tracks = track_digest(labels)
-    names = tuple(stem(file) for file in clouds)
+    labels = object_labels(clouds, folder)
     pose, tilt = _pose(top / f"calib/lidar2world/{pole}.json")
-    leaning = Rotation.from_euler("ZYX", [0, *(tilt or (0.0, 0.0))]).as_matrix()
-    ids: dict[str, int] | None = {} if tracks else None
-    contents = Clouds(clouds, options, labelled=folder is not None)
-
-    def frame(i: int) -> RecordedFrame:
-        boxes = read_objects(folder / f"{names[i]}.json", ids) if folder is not None else NO_BOXES
-        recorded = contents.frame(i, boxes)
-        return levelled(recorded, leaning) if tilt else recorded
-
-    return Recording(
-        names,
-        frame,
-        folder is not None,
-        pose=pose,
-        tilt=tilt,
-        tracks_sha256=tracks,
-        notes=contents.notes,
-        origin=contents.origin,
-        reads=(*clouds, *([folder] if folder else ())),
-        unread_parts=contents.unread_parts,
-    )
+    return replace(upright(Clouds(labels, options).recording(), tilt), pose=pose)
 
 
 def _pose(file: Path) -> tuple[WorldPose | None, tuple[float, float] | None]:

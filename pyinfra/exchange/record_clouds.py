@@ -1,77 +1,79 @@
 """Makes a recording of files that each hold one cloud with named fields."""
 
-from collections.abc import Callable, Sequence
+import contextlib
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from pyinfra.core.arrays import AnyArray, FloatArray, Points, Records, unchecked
 from pyinfra.core.errors import FormatError
 from pyinfra.exchange.frame_times import seconds_of_stamp
-from pyinfra.exchange.label_files import clouds_in, open_labels
-from pyinfra.exchange.pcd import FIRST, readable
-from pyinfra.exchange.point_fields import (
-    TIMES,
-    PointFields,
-    cloud_notes,
-    intensity_field,
-    map_offset,
-    named_fields,
-)
-from pyinfra.exchange.recording import (
-    NO_BOXES,
-    Boxes,
-    Options,
-    RecordedFrame,
-    Recording,
-    as_points,
-    stem,
-)
+from pyinfra.exchange.label_files import LabelFiles, clouds_in, open_labels
+from pyinfra.exchange.point_fields import TIMES, PointFields, intensity_field, named_fields
+from pyinfra.exchange.recording import Options, RecordedFrame, Recording, as_points, stem
 
+_Item = TypeVar("_Item")
+_Read = TypeVar("_Read")
 ReadRecords = Callable[[Path], Records]
+# Number of first clouds whose values decide what the fields mean. A single cloud is not enough,
+# because an empty cloud has no values.
+FIRST = 3
+
+
+def readable(read: Callable[[_Item], _Read], items: Iterable[_Item]) -> Iterator[_Read]:
+    """Yields what `read` returns for each item, such as a file, without items that are wrong."""
+    for item in items:
+        with contextlib.suppress(FormatError):
+            yield read(item)
 
 
 class RecordClouds:
     """The clouds of a recording, whose files are read into records with named fields."""
 
-    def __init__(self, files: Sequence[Path], read: ReadRecords, options: Options) -> None:
-        self.files, self.read, self.options = files, read, options
-
-    @cached_property
-    def _first(self) -> list[Records]:
-        return list(readable(self.read, self.files[:FIRST]))
+    def __init__(self, labels: LabelFiles, read: ReadRecords, options: Options) -> None:
+        self.labels, self.read, self.options = labels, read, options
 
     @cached_property
     def fields(self) -> PointFields:
-        return PointFields(self._first)
+        return PointFields(readable(self.read, self.labels.clouds[:FIRST]))
 
-    @cached_property
-    def offset(self) -> FloatArray:
-        return map_offset(self._first)
+    def points(self, file: Path, records: Records) -> Points:
+        return points_of(str(file), records, self.options, self.fields.offset)
 
-    def frame(self, i: int, boxes: Boxes = NO_BOXES) -> RecordedFrame:
-        """Reads a cloud by its index. Raises FormatError."""
-        file, records = self.files[i], self.read(self.files[i])
-        points = points_of(str(file), records, self.options, self.offset)
-        return RecordedFrame(points, boxes, self.fields.read(str(file), records))
+    def recording(self) -> Recording:
+        """Returns the recording, without times. Reading a frame raises FormatError."""
+        labels, names = self.labels, tuple(stem(file) for file in self.labels.clouds)
 
-    def unread_parts(self) -> list[str]:
-        """Returns a text with the fields of the first clouds that are not read."""
-        return self.fields.unread(self._first)
+        def frame(i: int) -> RecordedFrame:
+            file, boxes = labels.clouds[i], labels.read(names[i])
+            records = self.read(file)
+            points = self.points(file, records)
+            return RecordedFrame(points, boxes, self.fields.read(str(file), records))
+
+        return Recording(
+            names,
+            frame,
+            labels.labelled,
+            tracks_sha256=labels.tracks_sha256,
+            notes=lambda: [*labels.notes, *self.notes()],
+            reads=(*labels.clouds, *labels.files),
+            unread_parts=lambda: self.fields.unread(),
+        )
 
     def times(self) -> FloatArray | None:
         """Returns the first absolute time of each cloud, or None if the first ones have none."""
-        if all(np.isnan(start_of(records)) for records in self._first):
+        if all(np.isnan(start_of(records)) for records in self.fields.clouds):
             return None
-        return np.array([self._start(file) for file in self.files])
-
-    def _start(self, file: Path) -> float:
-        return next((start_of(records) for records in readable(self.read, [file])), np.nan)
+        first = (readable(self.read, [file]) for file in self.labels.clouds)
+        return np.array([next(map(start_of, clouds), np.nan) for clouds in first])
 
     def notes(self) -> list[str]:
         """Describes the assumptions about offset, intensity and point times."""
-        return cloud_notes(self.fields, self.offset, self._first)
+        return self.fields.cloud_notes()
 
 
 def read_clouds(
@@ -82,21 +84,9 @@ def read_clouds(
     Raises FileNotFoundError, and Error if there is no such file. Reading a frame raises
     FormatError.
     """
-    files = clouds_in(source, suffixes)
-    labels = open_labels(files, source, options)
-    files = labels.clouds if labels else files
-    clouds = RecordClouds(files, read, options)
-    names = tuple(stem(file) for file in files)
-    return Recording(
-        names,
-        lambda i: clouds.frame(i, labels.read(names[i]) if labels else NO_BOXES),
-        labelled=labels is not None,
-        tracks_sha256=labels.tracks_sha256 if labels else "",
-        times=clouds.times,
-        notes=lambda: [*(labels.notes if labels else ()), *clouds.notes()],
-        reads=(*files, *(labels.files if labels else ())),
-        unread_parts=clouds.unread_parts,
-    )
+    labels = open_labels(clouds_in(source, suffixes), source, options)
+    clouds = RecordClouds(labels, read, options)
+    return replace(clouds.recording(), times=clouds.times)
 
 
 @unchecked

@@ -10,6 +10,7 @@ import numpy as np
 
 from pyinfra.core.arrays import AnyArray, FloatArray, IntArray, NameArray, Points, Records
 from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.files import write
 from pyinfra.exchange.name_times import times_in
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.kitti.layout import FARTHEST_M
@@ -70,12 +71,12 @@ class Recording:
     tilt: tuple[float, float] | None = None
     # Digest of the tracks that ids identify; empty if ids do not identify tracks.
     tracks_sha256: str = ""
-    times: Callable[[], FloatArray | None] | None = None  # frame times in the files, seconds
-    notes: Callable[[], list[str]] | None = None  # texts about assumptions of the reader
-    origin: Callable[[], FloatArray | None] | None = None  # sensor position in the points' frame
+    times: Callable[[], FloatArray | None] = lambda: None  # frame times in the files, seconds
+    notes: Callable[[], list[str]] = list  # returns texts about assumptions of the reader
+    origin: Callable[[], FloatArray | None] = lambda: None  # sensor position in the points' frame
     slots: tuple[int, ...] | None = None  # frame numbers; if None, numbers() derives them
     reads: tuple[Path, ...] = ()  # files and folders of the source that are read; empty: not known
-    unread_parts: Callable[[], list[str]] | None = None  # texts about other parts not read
+    unread_parts: Callable[[], list[str]] = list  # returns texts about other parts not read
 
     @property
     def counted(self) -> bool:
@@ -146,6 +147,13 @@ def read_splits(folder: Path, names: Sequence[str]) -> tuple[dict[str, tuple[str
     return (splits if all(splits.values()) else {}), notes
 
 
+def write_splits(folder: Path, splits: Mapping[str, Sequence[int]]) -> None:
+    """Writes the frame numbers of each part, such as train and val, to an ImageSets folder."""
+    for part, numbers in splits.items():
+        folder.mkdir(exist_ok=True)
+        write(folder / f"{part}.txt", "".join(f"{number:06d}\n" for number in numbers))
+
+
 def as_points(
     file: Path, columns: Sequence[AnyArray], options: Options, usual: float = 1.0
 ) -> Points:
@@ -189,20 +197,6 @@ def read_bin(file: Path, columns: int, options: Options, usual: float = 1.0) -> 
     return as_points(file, list(values.T[:4]), options, usual)
 
 
-def label_files(clouds: Sequence[Path], usual: Path, options: Options) -> Path | None:
-    """Returns the folder of .txt labels: `options.labels` if it is set, else `usual` if it exists.
-
-    The result is None if neither applies.
-
-    Raises Error for labels that do not pair with clouds.
-    """
-    folder = options.labels or usual
-    if options.labels is None and not folder.is_dir():
-        return None
-    check_pairs(clouds, sorted_files(folder, [".txt"]))
-    return folder
-
-
 def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
     """Raises Error for a label file without a cloud, and for a cloud without a label file."""
     have, want = {stem(file) for file in clouds}, {stem(file) for file in labels}
@@ -220,6 +214,15 @@ def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
 def stem(file: Path) -> str:
     """Returns a file name without its extension, such as `.pcd.bin` in any letter case."""
     return re.sub(r"(\.pcd)?(\.bin)?$", "", file.name, flags=re.I).removesuffix(file.suffix)
+
+
+def records_of(columns: Mapping[str, AnyArray]) -> Records:
+    """Returns packed records (n,) with the columns, (n,) each, as their fields."""
+    types = [(name, column.dtype) for name, column in columns.items()]
+    records = np.empty(len(next(iter(columns.values()))), dtype=types)
+    for name, column in columns.items():
+        records[name] = column
+    return records
 
 
 def _numbers_in(names: Sequence[str]) -> dict[str, tuple[Decimal, ...]]:

@@ -122,11 +122,3 @@ def train_and_val(folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
     chosen = set(frames)
     lists = {part: frame_numbers(folder, part) for part in PARTS}
     return {part: [k for k in members if k in chosen] for part, members in lists.items()}
-
-
-def write_lists(out: Path, lists: dict[str, list[int]]) -> None:
-    """Writes ImageSets/train.txt and val.txt."""
-    (out / "ImageSets").mkdir()
-    for part, frames in lists.items():
-        text = "".join(f"{frame:06d}\n" for frame in frames)
-        write(out / f"ImageSets/{part}.txt", text)

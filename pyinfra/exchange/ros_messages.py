@@ -59,9 +59,8 @@ def cloud_records(location: str, message: Any) -> Records:
     names, formats, offsets = [], [], []
     for field in message.fields:
         kind = DATATYPES.get(int(field.datatype))
-        if kind is None or not field.name or field.name in names:
-            continue
-        if int(field.count) > 1:  # such as padding
+        is_padding = int(field.count) > 1
+        if kind is None or not field.name or field.name in names or is_padding:
             continue
         names.append(field.name)
         formats.append(order + kind)
@@ -98,14 +97,11 @@ def livox_records(location: str, raw: bytes, *, is_ros2: bool) -> Records:
     FormatError that begins with `location`.
     """
     try:
+        (length,) = struct.unpack_from("<I", raw, 12)
+        at = 16 + length
         if is_ros2:
-            (length,) = struct.unpack_from("<I", raw, 12)
-            at = 16 + length
-            at += -(at - 4) % 8 + 8  # the timebase has 8 bytes, aligned from the encapsulation
-        else:
-            (length,) = struct.unpack_from("<I", raw, 12)
-            at = 16 + length + 8
-        at += 4 + 4  # point_num, lidar_id and rsvd
+            at += -(at - 4) % 8  # the timebase is aligned from the encapsulation
+        at += 8 + 4 + 4  # timebase, point_num, lidar_id and rsvd
         (count,) = struct.unpack_from("<I", raw, at)
     except struct.error:
         raise FormatError(f"{location}: expected a Livox CustomMsg, got {len(raw)} bytes") from None

@@ -1,6 +1,6 @@
 """Reads the frames of a LiDAR's folder one by one for exports, and the provenance of the frames."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from pyinfra.core.files import resolved, write
 from pyinfra.core.vocabulary import LabelTime
 from pyinfra.dataset.frame_readers import read_cameras, track_ids
 from pyinfra.dataset.frames import PERIOD_S
+from pyinfra.exchange.recording import records_of
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Objects
 
@@ -99,10 +100,21 @@ def read_frames(series: FrameSeries, numbers: Sequence[int]) -> Iterator[StoredF
             start_s=number * series.period_s,
             middle_s=(number + 0.5) * series.period_s,
             points=points,
-            fields=_fields(folder, number, len(points)),
+            fields=read_fields(folder, number, len(points)),
             objects=objects,
         )
         before = number
+
+
+def point_records(points: Points, fields: Records | None, names: Mapping[str, str]) -> Records:
+    """Returns packed records (n,) of x, y, z, intensity, and the fields of the points if known.
+
+    `names` maps the names of the records to those of kitti.FIELDS.
+    """
+    columns = dict(zip(("x", "y", "z", "intensity"), points.T, strict=True))
+    if fields is not None:
+        columns |= {name: fields[key] for name, key in names.items()}
+    return records_of(columns)
 
 
 def quaternion(yaw: float) -> tuple[float, float, float, float]:
@@ -130,7 +142,11 @@ def _provenance(file: Path) -> dict[str, str]:
     return {k.value: v.value for k, v in top.value if isinstance(v, yaml.ScalarNode)}
 
 
-def _fields(folder: Path, number: int, count: int) -> Records | None:
+def read_fields(folder: Path, number: int, count: int) -> Records | None:
+    """Reads the fields of the points of a frame. Returns None if the folder has no `fields`.
+
+    count: number of points. Raises FormatError if there are not as many records.
+    """
     if not (folder / "training/fields").is_dir():
         return None
     file = kitti.frame_file(folder, "fields", number)

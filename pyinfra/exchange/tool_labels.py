@@ -12,7 +12,6 @@ Follows the source of labelCloud (`labelCloud/io/labels/centroid.py` and `vertic
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,14 @@ from scipy.spatial.transform import Rotation
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import FormatError
-from pyinfra.exchange.json_boxes import boxes_of, checked_box, group, number, read_json, shown
+from pyinfra.exchange.json_boxes import (
+    boxes_of,
+    checked_box,
+    checked_objects,
+    group,
+    number,
+    read_json,
+)
 from pyinfra.exchange.recording import Boxes
 from pyinfra.formats.text_table import MOST_RADIANS
 
@@ -32,15 +38,14 @@ SIZES = ("length", "width", "height")
 
 def read_sustech(file: Path, ids: dict[str, int]) -> Boxes:
     """Reads a file of SUSTechPOINTS. `ids` maps names of tracks to numbers, which are added."""
-    objects = _objects(file, read_json(file))
-    found = boxes_of(file, objects, _sustech_box, ("obj_type", "obj_id"), ids)
-    return replace(found.boxes, unread=frozenset().union(*objects) - SUSTECH_KEYS)
+    objects = checked_objects(file, read_json(file))
+    return boxes_of(file, objects, _sustech_box, ("obj_type", "obj_id"), SUSTECH_KEYS, ids)[0]
 
 
 def read_label_cloud(file: Path, *, degrees: bool) -> Boxes:
     """Reads a file of labelCloud. `degrees` is the unit of `rotations`."""
     content = read_json(file)
-    objects = _objects(file, content.get("objects") if isinstance(content, dict) else None)
+    objects = checked_objects(file, content.get("objects") if isinstance(content, dict) else None)
 
     def box(location: str, entry: Mapping[str, Any]) -> FloatArray:
         if "vertices" in entry:
@@ -52,8 +57,7 @@ def read_label_cloud(file: Path, *, degrees: bool) -> Boxes:
             location, np.array([*xyz, *sizes, math.radians(yaw) if degrees else yaw])
         )
 
-    found = boxes_of(file, objects, box, ("name", ""), None)
-    return replace(found.boxes, unread=frozenset().union(*objects) - CLOUD_KEYS)
+    return boxes_of(file, objects, box, ("name", ""), CLOUD_KEYS, None)[0]
 
 
 def has_degrees(files: Sequence[Path]) -> bool:
@@ -66,12 +70,6 @@ def has_degrees(files: Sequence[Path]) -> bool:
                 if isinstance(value, int | float) and abs(value) > MOST_RADIANS:
                     return True
     return False
-
-
-def _objects(file: Path, objects: object) -> list[dict[str, Any]]:
-    if not isinstance(objects, list) or not all(isinstance(entry, dict) for entry in objects):
-        raise FormatError(f"{file}: expected a list of objects, got {shown(objects)}")
-    return objects
 
 
 def _sustech_box(location: str, entry: Mapping[str, Any]) -> FloatArray:

@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 from mcap_ros2.writer import Writer
 
-from pyinfra.core.arrays import FloatArray
 from pyinfra.core.files import replacing
 from pyinfra.core.vocabulary import KM_H
 from pyinfra.dataset.object_rows import BOX
@@ -52,8 +51,10 @@ def write_mcap(file: Path, tracks: pd.DataFrame, lidar: str) -> None:
 
 def _detections(stamp: Message, part: pd.DataFrame) -> Message:
     boxes = part[BOX].to_numpy(np.float64)
-    variances = part[["x_var_m2", "xy_cov_m2", "y_var_m2"]].to_numpy(np.float64)
-    columns = zip(part.id, part.type, part.score, boxes, variances, strict=True)
+    variances = part[["x_var_m2", "xy_cov_m2", "xy_cov_m2", "y_var_m2"]].to_numpy(np.float64)
+    # The covariance of x y z and the rotations; it is 0 where it is not estimated.
+    covariances = np.pad(variances.reshape(-1, 2, 2), ((0, 0), (0, 4), (0, 4)))
+    columns = zip(part.id, part.type, part.score, boxes, covariances, strict=True)
     return {
         "header": stamp,
         "detections": [
@@ -62,22 +63,15 @@ def _detections(stamp: Message, part: pd.DataFrame) -> Message:
                 "results": [
                     {
                         "hypothesis": {"class_id": str(kind), "score": float(score)},
-                        "pose": {"pose": pose(box), "covariance": _covariance(*variance)},
+                        "pose": {"pose": pose(box), "covariance": covariance.ravel().tolist()},
                     }
                 ],
                 "bbox": {"center": pose(box), "size": xyz(box[3:6].tolist())},
                 "id": str(number),
             }
-            for number, kind, score, box, variance in columns
+            for number, kind, score, box, covariance in columns
         ],
     }
-
-
-def _covariance(x: float, xy: float, y: float) -> list[float]:
-    """Returns the covariance 6 x 6 of x y z and the rotations, row by row; 0 if not estimated."""
-    matrix: FloatArray = np.zeros((6, 6))
-    matrix[:2, :2] = [[x, xy], [xy, y]]
-    return matrix.ravel().tolist()
 
 
 def _markers(stamp: Message, part: pd.DataFrame) -> Message:

@@ -9,16 +9,9 @@ from pathlib import Path
 
 from pyinfra.core.errors import Error
 from pyinfra.exchange.cuboids import read_cuboids
+from pyinfra.exchange.label_files import paired_labels
 from pyinfra.exchange.pcd import Clouds
-from pyinfra.exchange.recording import (
-    NO_BOXES,
-    Options,
-    RecordedFrame,
-    Recording,
-    check_pairs,
-    sorted_files,
-    stem,
-)
+from pyinfra.exchange.recording import Options, Recording, sorted_files
 
 CLOUDS = ("point_clouds", "_point_clouds", "_points_clouds", "_points")
 LABELS = ("labels_point_clouds", "_labels_point_clouds", "_labels")
@@ -33,26 +26,11 @@ def read(source: Path, options: Options) -> Recording:
     """
     folder = _cloud_folder(source, options.channel)
     clouds = sorted_files(folder, [".pcd"])
-    labels = options.labels or _label_folder(folder)
-    if labels is not None:
-        check_pairs(clouds, sorted_files(labels, [".json"]))
-    names = tuple(stem(file) for file in clouds)
     ids: dict[str, int] = {}
-    contents = Clouds(clouds, options, labelled=labels is not None)
-
-    def frame(i: int) -> RecordedFrame:
-        boxes = NO_BOXES if labels is None else read_cuboids(labels / f"{names[i]}.json", ids)
-        return contents.frame(i, boxes)
-
-    return Recording(
-        names,
-        frame,
-        labels is not None,
-        notes=contents.notes,
-        origin=contents.origin,
-        reads=(*clouds, *([labels] if labels else ())),
-        unread_parts=contents.unread_parts,
+    labels = paired_labels(
+        clouds, options.labels or _label_folder(folder), lambda file: read_cuboids(file, ids)
     )
+    return Clouds(labels, options).recording()
 
 
 def _cloud_folder(source: Path, channel: str | None) -> Path:
@@ -71,8 +49,6 @@ def _cloud_folder(source: Path, channel: str | None) -> Path:
 
 def _label_folder(clouds: Path) -> Path | None:
     """Returns the folder of the labels beside the folder of the clouds; None if there is none."""
-    for top, inside in ((clouds.parent.parent, clouds.name), (clouds.parent, "")):
-        for name in LABELS:
-            if (top / name / inside).is_dir():
-                return top / name / inside
-    return None
+    places = ((clouds.parent.parent, clouds.name), (clouds.parent, ""))
+    folders = (top / name / inside for top, inside in places for name in LABELS)
+    return next((folder for folder in folders if folder.is_dir()), None)

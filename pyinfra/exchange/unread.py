@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from itertools import islice
 from pathlib import Path
 
 from pyinfra.core.files import resolved
@@ -64,12 +65,8 @@ def _text(path: Path) -> str:
     """Returns the name of a file, or of a folder with the number of its files by ending."""
     if not path.is_dir():
         return path.name
-    counts: Counter[str] = Counter()
-    for k, file in enumerate(path.rglob("*")):
-        if k >= MOST_ENTRIES:
-            break
-        if file.is_file():
-            counts[file.suffix or file.name] += 1
+    files = (file for file in islice(path.rglob("*"), MOST_ENTRIES) if file.is_file())
+    counts = Counter(file.suffix or file.name for file in files)
     kinds = ", ".join(f"{count} {suffix}" for suffix, count in counts.most_common(3))
     return f"{path.name}/ ({kinds or 'empty'})"
 

@@ -4,9 +4,8 @@ Other makers have no open package that fits: the refusal names the program that 
 packets to a bag, which the import reads.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +15,8 @@ from velodyne_decoder.util import iter_pcap
 
 from pyinfra.core.arrays import Records
 from pyinfra.core.errors import Error, FormatError
-from pyinfra.exchange.pcd import FIRST
 from pyinfra.exchange.point_fields import PointFields
-from pyinfra.exchange.record_clouds import points_of
+from pyinfra.exchange.record_clouds import FIRST, points_of
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Options,
@@ -106,9 +104,7 @@ def _check_maker(file: Path) -> None:
     """Raises Error unless some of the first packets are Velodyne's."""
     sizes: set[int] = set()
     try:
-        for number, (_, data) in enumerate(iter_pcap(file)):
-            if number >= SAMPLED:
-                break
+        for _, data in islice(iter_pcap(file), SAMPLED):
             data = bytes(data) if not isinstance(data, bytes) else data
             if len(data) == velodyne.PACKET_SIZE and data[:2] in (b"\xff\xee", b"\xff\xdd"):
                 return

@@ -8,20 +8,19 @@ import struct
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, NoReturn
+from typing import BinaryIO
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pyinfra.core.arrays import AnyArray, FloatArray, Records
-from pyinfra.core.errors import FormatError, missing
+from pyinfra.core.errors import fail, missing
 from pyinfra.core.files import write
 from pyinfra.formats.kitti.layout import FARTHEST_M
 
 TYPES = {"F4": "<f4", "F8": "<f8"} | {
     f"{t}{n}": f"<{t.lower()}{n}" for t in "IU" for n in (1, 2, 4, 8)
 }
-LETTERS = {"f": "F", "i": "I", "u": "U"}
 NEEDED = ("FIELDS", "SIZE", "TYPE", "POINTS", "DATA")
 KEYS = (*NEEDED, "VERSION", "COUNT", "WIDTH", "HEIGHT", "VIEWPOINT")
 MOST_LINES = 50  # maximum number of lines of a header
@@ -90,7 +89,7 @@ def write_pcd(file: Path, records: Records) -> None:
         "VERSION 0.7",
         f"FIELDS {' '.join(names)}",
         f"SIZE {' '.join(str(t.itemsize) for t in types)}",
-        f"TYPE {' '.join(LETTERS[t.kind] for t in types)}",
+        f"TYPE {' '.join(t.kind.upper() for t in types)}",
         f"COUNT {' '.join('1' for _ in types)}",
         f"WIDTH {len(records)}",
         "HEIGHT 1",
@@ -113,7 +112,7 @@ def read_pcd(file: Path) -> Records:
         header = _read_header(file, stream)
         ways = {"ascii": _ascii, "binary": _binary, "binary_compressed": _compressed}
         if header.data not in ways:
-            _fail(file, f"DATA: expected one of {', '.join(ways)}; got '{header.data}'")
+            fail(file, f"DATA: expected one of {', '.join(ways)}; got '{header.data}'")
         return ways[header.data](header, stream)
 
 
@@ -133,18 +132,22 @@ def _read_header(file: Path, stream: BinaryIO) -> Header:
             continue
         if key not in KEYS or not rest:
             keys = ", ".join(KEYS)
-            _fail(file, f"expected one of the keys {keys} with a value; got '{key[:20]}'", number)
+            fail(file, f"expected one of the keys {keys} with a value; got '{key[:20]}'", number)
         words[key], lines[key] = rest, number
         if key == "DATA":
             break
     absent = [key for key in NEEDED if key not in words]
     if absent:
-        _fail(file, f"expected the keys {', '.join(absent)} in the header; got none of them")
+        fail(file, f"expected the keys {', '.join(absent)} in the header; got none of them")
     words.setdefault("COUNT", ["1"] * len(words["FIELDS"]))
+    record, points = _record(file, words), words["POINTS"][0]
+    if not points.isdecimal() or len(points) > len(str(MOST_POINTS)):
+        got = points[:20]
+        fail(file, f"POINTS: expected a whole number from 0 to {MOST_POINTS}, got '{got}'")
     return Header(
         file,
-        _record(file, words),
-        _count(file, "POINTS", words),
+        record,
+        int(points),
         words["DATA"][0],
         _viewpoint(file, words.get("VIEWPOINT", []), lines.get("VIEWPOINT")),
     )
@@ -159,15 +162,14 @@ def _viewpoint(file: Path, words: list[str], line: int | None) -> Viewpoint:
         values = np.empty(0)
     if values.shape != (7,) or not (np.abs(values) <= FARTHEST).all():
         got = " ".join(words)[:60]
-        _fail(file, f"VIEWPOINT: expected 7 finite numbers up to {FARTHEST:g}, got '{got}'", line)
+        fail(file, f"VIEWPOINT: expected 7 finite numbers up to {FARTHEST:g}, got '{got}'", line)
     shift, (w, x, y, z) = values[:3], values[3:]
     length = float(np.linalg.norm(values[3:]))
     if length == 0:  # some writers write a rotation of zeros
         return Viewpoint(shift, np.eye(3))
     if not QUATERNION[0] <= length <= QUATERNION[1]:
-        _fail(file, f"VIEWPOINT: expected a quaternion of length 1, got {length:g}", line)
-    unrotated = (x, y, z) == (0, 0, 0)
-    turn = np.eye(3) if unrotated else Rotation.from_quat([x, y, z, w]).as_matrix()
+        fail(file, f"VIEWPOINT: expected a quaternion of length 1, got {length:g}", line)
+    turn = np.eye(3) if x == y == z == 0 else Rotation.from_quat([x, y, z, w]).as_matrix()
     return Viewpoint(shift, turn)
 
 
@@ -175,7 +177,7 @@ def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
     names, sizes, letters, counts = (words[key] for key in ("FIELDS", "SIZE", "TYPE", "COUNT"))
     if not len(names) == len(sizes) == len(letters) == len(counts):
         got = ", ".join(str(len(part)) for part in (names, sizes, letters, counts))
-        _fail(file, f"FIELDS, SIZE, TYPE, COUNT: expected equally many values, got {got}")
+        fail(file, f"FIELDS, SIZE, TYPE, COUNT: expected equally many values, got {got}")
     small = Counter(name.lower() for name in names)
     names = [name.lower() if small[name.lower()] == 1 else name for name in names]
     fields = []
@@ -184,9 +186,9 @@ def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
     ):
         if letter + size not in TYPES:
             types = ", ".join(TYPES)
-            _fail(file, f"{name}: expected TYPE and SIZE to be one of {types}; got {letter}{size}")
+            fail(file, f"{name}: expected TYPE and SIZE to be one of {types}; got {letter}{size}")
         if not count.isdecimal() or len(count) > 5 or not 0 <= int(count) <= 10_000:
-            _fail(file, f"{name}: expected a COUNT of 0 to 10000, got {count[:20]}")
+            fail(file, f"{name}: expected a COUNT of 0 to 10000, got {count[:20]}")
         if int(count) == 0:  # padding without bytes, which PCL writes for driver types
             continue
         shape = () if count == "1" else (int(count),)
@@ -194,35 +196,28 @@ def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
     try:
         return np.dtype(fields)
     except ValueError as error:
-        _fail(file, f"FIELDS: {error}")
-
-
-def _count(file: Path, key: str, words: dict[str, list[str]]) -> int:
-    if not words[key][0].isdecimal() or len(words[key][0]) > len(str(MOST_POINTS)):
-        text = words[key][0][:20]
-        _fail(file, f"{key}: expected a whole number from 0 to {MOST_POINTS}, got '{text}'")
-    return int(words[key][0])
+        fail(file, f"FIELDS: {error}")
 
 
 def _ascii(header: Header, stream: BinaryIO) -> Records:
     lines = stream.read().decode("ascii", "replace").splitlines()
     lines = [line for line in lines if line.strip()]
     if len(lines) != header.points:
-        _fail(header.file, f"expected {header.points} points, got {len(lines)}")
+        fail(header.file, f"expected {header.points} points, got {len(lines)}")
     if not lines:
         return np.empty(0, dtype=header.record)
     try:
         return np.atleast_1d(np.loadtxt(io.StringIO("\n".join(lines)), dtype=header.record))
     except ValueError as error:
-        _fail(header.file, f"points: {error}")
+        fail(header.file, f"points: {error}")
 
 
 def _binary(header: Header, stream: BinaryIO) -> Records:
     size = header.points * header.record.itemsize
     data = stream.read()
     if len(data) < size:
-        got = f"got {len(data)}; the file may be truncated"
-        _fail(header.file, f"expected {size} bytes of points, {got}")
+        got = f"{len(data)}; the file may be truncated"
+        fail(header.file, f"expected {size} bytes of points, got {got}")
     _check_end(header, len(data), size)
     return np.frombuffer(data, dtype=header.record, count=header.points)
 
@@ -231,7 +226,7 @@ def _check_end(header: Header, got: int, expected: int) -> None:
     """Raises FormatError for extra data. The cause is a wrong header or two joined files."""
     if got > expected:
         mismatch = f"expected {expected} bytes of points, got {got}"
-        _fail(header.file, f"{mismatch}; FIELDS, SIZE, COUNT or POINTS may be wrong")
+        fail(header.file, f"{mismatch}; FIELDS, SIZE, COUNT or POINTS may be wrong")
 
 
 def _compressed(header: Header, stream: BinaryIO) -> Records:
@@ -249,14 +244,14 @@ def _compressed(header: Header, stream: BinaryIO) -> Records:
     if unpacked != size or len(data) < packed or len(lengths) < 8 or size > MOST_LZF * packed:
         got = f"got {len(data)} of {packed} compressed bytes, which give {unpacked} bytes"
         hint = "the file may be truncated"
-        _fail(header.file, f"expected {size} bytes of points, {got}; {hint}")
+        fail(header.file, f"expected {size} bytes of points, {got}; {hint}")
     _check_end(header, len(data), packed)
     try:
         plain = lzf.decompress(data[:packed], size)
     except ValueError:
         plain = None
     if plain is None or len(plain) != size:
-        _fail(
+        fail(
             header.file,
             f"points: expected LZF data of {size} bytes, because DATA is binary_compressed, got "
             "data that cannot be decompressed to this size",
@@ -268,7 +263,3 @@ def _compressed(header: Header, stream: BinaryIO) -> Records:
         out[name] = np.frombuffer(plain, column.dtype, column.size, start).reshape(column.shape)
         start += column.nbytes
     return out
-
-
-def _fail(file: Path, what: str, line: int | None = None) -> NoReturn:
-    raise FormatError(f"{file}:{line}: {what}" if line else f"{file}: {what}")

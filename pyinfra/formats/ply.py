@@ -66,8 +66,7 @@ def write_ply(file: Path, mesh: Triangles) -> None:
 
 def read_ply(file: Path) -> Triangles:
     """Reads a file that `write_ply` wrote. Other PLY variants are not supported."""
-    data = file.read_bytes()
-    head, _, rest = data.partition(b"end_header\n")
+    head, _, rest = file.read_bytes().partition(b"end_header\n")
     points, faces = (int(w.split()[2]) for w in head.decode().splitlines() if w.startswith("elem"))
     vertices = np.frombuffer(rest, "<f4", 3 * points).reshape(-1, 3).astype(float)
     table = np.frombuffer(rest, FACE, faces, offset=12 * points)

@@ -81,7 +81,9 @@ def read_calibration(file: Path) -> Calibration:
     for number, line in enumerate(lines_of(file), start=1):
         if not line.strip():
             continue
-        where, (word, rest) = f"{file}:{number}", _key(line)
+        # The colon after the name is optional.
+        key, _, rest = line.strip().partition(":" if ":" in line else " ")
+        where, word = f"{file}:{number}", key.strip()
         if word in NOT_NEEDED:
             continue
         name = OTHER_NAMES.get(word, word)
@@ -151,12 +153,6 @@ def boxes_to_camera(boxes: FloatArray, calibration: Calibration) -> FloatArray:
     dx, dy, dz = boxes[:, 3], boxes[:, 4], boxes[:, 5]
     x, y, z = middle.T
     return np.column_stack([dz, dy, dx, x, y + dz / 2, z, rotation_y])
-
-
-def _key(line: str) -> tuple[str, str]:
-    """Splits a line into its name and the rest; the colon after the name is optional."""
-    name, _, rest = line.strip().partition(":" if ":" in line else " ")
-    return name.strip(), rest
 
 
 def _matrix(where: str, name: str, text: str) -> FloatArray:

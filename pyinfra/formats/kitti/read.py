@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pyinfra.core.arrays import AnyArray, BoolArray, Float32Array, FloatArray, Records
+from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray, Records
 from pyinfra.core.errors import FormatError
 from pyinfra.formats.kitti.camera import Calibration, boxes_from_camera, simulated
 from pyinfra.formats.kitti.layout import (
@@ -38,16 +38,15 @@ _EARLIEST_S = -0.2
 _COUNTS_IN_BOXES = ("points_in_box", "points_in_scan_box")
 
 
-def _size(v: FloatArray) -> BoolArray:
-    return np.asarray((v > _SHORTEST_M) & (v <= _LONGEST_M))
-
-
 def _position(columns: str) -> ColumnRule:
     return between(columns.split(), -FARTHEST_M, FARTHEST_M)
 
 
 def _sides(columns: str) -> ColumnRule:
-    return ColumnRule(tuple(columns.split()), _size, f"more than {_SHORTEST_M:g} to {_LONGEST_M:g}")
+    allowed = f"more than {_SHORTEST_M:g} to {_LONGEST_M:g}"
+    return ColumnRule(
+        tuple(columns.split()), lambda v: (v > _SHORTEST_M) & (v <= _LONGEST_M), allowed
+    )
 
 
 def _angle(column: str) -> ColumnRule:

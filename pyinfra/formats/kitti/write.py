@@ -4,7 +4,6 @@ Reading a cloud and writing it again gives the same bytes. Text files give the s
 the decimals of the layout.
 """
 
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +24,10 @@ from pyinfra.formats.kitti.layout import (
 from pyinfra.formats.kitti.read import OBJECT_NUMBERS, OBJECT_RULES, PITCHED_HEADER
 from pyinfra.formats.text_table import rules_hold
 
+# Formats of OBJECT_COLUMNS.
+_OBJECT_LINE = (
+    "{},{}" + ",{:.4f}" * 6 + ",{:.6f},{:.4f},{},{}" + ",{:.4f}" * 5 + ",{:.6f},{:.6f},{}"
+)
 _IMAGE_BOX = (0, 0, 50, 50)  # 50 pixels high, because the devkit ignores boxes below 25 pixels
 
 
@@ -62,8 +65,8 @@ def write_objects(file: Path, objects: Objects) -> None:
     o = objects
     pitch = o.pitch
     pose = o.scan_boxes[:, [0, 1, 2, 6]]
-    values = [o.boxes, o.speed, o.points, o.points_in_box, o.distance, o.visibility]
-    values += [pose, o.scan_time_s, o.points_in_scan_box]
+    values = [*o.boxes.T, o.speed, o.points, o.points_in_box, o.distance, o.visibility]
+    values += [*pose.T, o.scan_time_s, o.points_in_scan_box]
     if not rules_hold(np.column_stack([o.ids, *values]), OBJECT_NUMBERS, OBJECT_RULES):
         raise Error("objects: expected values as in objects/*.csv, got a value out of its range")
     if pitch is not None and (wrong := ~(np.abs(pitch) <= 2 * np.pi)).any():
@@ -71,20 +74,12 @@ def write_objects(file: Path, objects: Objects) -> None:
     known, repeats = np.unique(o.ids[o.ids >= 0], return_counts=True)
     if (repeats > 1).any():
         raise Error(f"objects: expected each id once per frame, got {known[repeats > 1][0]} twice")
-    lines = [",".join(OBJECT_COLUMNS) if pitch is None else PITCHED_HEADER]
-    for i in range(len(o)):
-        numbers = [f"{v:.4f}" for v in o.boxes[i, :6]]
-        numbers += [f"{o.boxes[i, 6]:.6f}", f"{o.speed[i]:.4f}"]
-        counts = [str(o.points[i]), str(o.points_in_box[i])]
-        last = [
-            f"{o.distance[i]:.4f}",
-            f"{o.visibility[i]:.4f}",
-            *(f"{v:.4f}" for v in pose[i, :3]),
-        ]
-        last += [f"{pose[i, 3]:.6f}", f"{o.scan_time_s[i]:.6f}", str(o.points_in_scan_box[i])]
-        last += [f"{pitch[i]:.6f}"] if pitch is not None else []
-        lines.append(",".join([str(o.ids[i]), str(o.names[i]), *numbers, *counts, *last]))
-    _replace_lines(file, lines)
+    header, line, columns = ",".join(OBJECT_COLUMNS), _OBJECT_LINE, [o.ids, o.names, *values]
+    if pitch is not None:
+        header, line, columns = PITCHED_HEADER, f"{line},{{:.6f}}", [*columns, pitch]
+    rows = zip(*columns, strict=True)
+    lines = [header, *(line.format(*row) for row in rows)]
+    write(file, "".join(f"{line}\n" for line in lines))
 
 
 def write_labels(file: Path, labels: Labels, calibration: Calibration | None = None) -> None:
@@ -98,14 +93,18 @@ def write_labels(file: Path, labels: Labels, calibration: Calibration | None = N
     camera = boxes_to_camera(labels.boxes, calibration or simulated())
     image = image_columns(camera) if labels.image is None else labels.image
     scores = np.empty((len(labels), 0)) if labels.scores is None else labels.scores[:, None]
-    known = labels.names != "DontCare"
-    _check(np.column_stack([camera, image, scores]), labels.boxes[known])
+    values = np.column_stack([camera, image, scores])
+    if not np.isfinite(values).all():
+        raise Error(f"expected finite values, got {values[~np.isfinite(values)][0]}")
+    sizes = labels.boxes[labels.names != "DontCare", 3:6]
+    if (sizes <= 0).any():
+        raise Error(f"boxes: expected sizes above 0, got {sizes.min():g}")
     lines = []
     for name, i, c, s in zip(labels.names, image, camera, scores, strict=True):
         words = [f"{i[0]:.2f}", f"{i[1]:.0f}", f"{i[2]:.6f}", *(f"{v:.2f}" for v in i[3:])]
         words += [*(f"{v:.4f}" for v in c[:6]), f"{c[6]:.6f}", *(f"{v:.6f}" for v in s)]
         lines.append(" ".join([str(name), *words]))
-    _replace_lines(file, lines)
+    write(file, "".join(f"{line}\n" for line in lines))
 
 
 def write_calibration(file: Path, calibration: Calibration | None = None) -> None:
@@ -149,14 +148,3 @@ def image_columns(camera: FloatArray) -> FloatArray:
     alpha = (alpha + np.pi) % (2 * np.pi) - np.pi
     zero = np.zeros_like(alpha)
     return np.column_stack([zero, zero, alpha, np.tile(_IMAGE_BOX, (len(alpha), 1))])
-
-
-def _check(values: FloatArray, boxes: FloatArray) -> None:
-    if not np.isfinite(values).all():
-        raise Error(f"expected finite values, got {values[~np.isfinite(values)][0]}")
-    if (boxes[:, 3:6] <= 0).any():
-        raise Error(f"boxes: expected sizes above 0, got {boxes[:, 3:6].min():g}")
-
-
-def _replace_lines(file: Path, lines: Iterable[str]) -> None:
-    write(file, "".join(f"{line}\n" for line in lines))

@@ -1,7 +1,5 @@
 """Random choice of LiDARs and presets from the catalogue, for training on generated sites."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cache

@@ -5,7 +5,7 @@ The file is XML, plain or compressed as .gz.
 
 import gzip
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, cast
@@ -71,13 +71,17 @@ def _read_csv(file: Path) -> list[Recorded]:
             if (np.diff(states[at, 0]) <= 0).any():
                 back = int(np.flatnonzero(np.diff(states[at, 0]) <= 0)[0])
                 before, time = states[at[back : back + 2], 0]
-                text = f"expected ascending times, got {time:g} after {before:g}"
-                raise _refusal(file, f"{kind} {name}: {text}")
+                raise FormatError(
+                    f"{file}: {kind} {name}: expected ascending times, got {time:g} after "
+                    f"{before:g}"
+                )
             type_name = str(of_name[columns["type"]].iloc[0]) if columns["type"] in rows else ""
             out.append(Recorded(str(name), type_name, states[at], values["speed"][at], kind))
     if not out:
-        text = "expected columns such as vehicle_id, vehicle_x and vehicle_y, got no such columns"
-        raise _refusal(file, text)
+        raise FormatError(
+            f"{file}: expected columns such as vehicle_id, vehicle_x and vehicle_y, got no such "
+            "columns"
+        )
     return out
 
 
@@ -89,21 +93,23 @@ def read_fcd(file: Path) -> list[Recorded]:
     types: dict[tuple[str, str], str] = {}
     try:
         with _opened(file) as stream:
-            for t, element in _objects(stream, lambda why: _refusal(file, why)):
+            for t, element in _objects(stream, file):
                 name = element.get("id", "")
                 key = element.tag, name
                 if key not in rows and len(rows) == MOST_OBJECTS:
-                    raise _refusal(file, f"expected at most {MOST_OBJECTS} objects, got more")
+                    raise FormatError(f"{file}: expected at most {MOST_OBJECTS} objects, got more")
                 types.setdefault(key, element.get("type", ""))
                 rows.setdefault(key, []).append((t, *_state(file, t, name, element)))
     except ElementTree.ParseError as error:
-        raise _refusal(file, f"expected SUMO's fcd-export, got broken XML ({error})") from error
+        raise FormatError(
+            f"{file}: expected SUMO's fcd-export, got broken XML ({error})"
+        ) from error
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise _refusal(
-            file, f"expected a complete .gz file, got a damaged one ({error})"
+        raise FormatError(
+            f"{file}: expected a complete .gz file, got a damaged one ({error})"
         ) from error
     if not rows:
-        raise _refusal(file, "expected one or more vehicles or people, got none")
+        raise FormatError(f"{file}: expected one or more vehicles or people, got none")
     return [
         Recorded(key[1], types[key], np.array(values)[:, :5], np.array(values)[:, 5], key[0])
         for key, values in rows.items()
@@ -114,9 +120,7 @@ def _opened(file: Path) -> BinaryIO:
     return cast(BinaryIO, gzip.open(file, "rb")) if file.suffix == ".gz" else file.open("rb")
 
 
-def _objects(
-    stream: BinaryIO, refusal: Callable[[str], FormatError]
-) -> Iterator[tuple[float, ElementTree.Element]]:
+def _objects(stream: BinaryIO, file: Path) -> Iterator[tuple[float, ElementTree.Element]]:
     """Yields each element of a vehicle or person, with the time of the step that contains it."""
     before = -np.inf
     root: ElementTree.Element | None = None
@@ -124,13 +128,17 @@ def _objects(
         if root is None:
             root = element
             if element.tag != "fcd-export":
-                raise refusal(f"expected <fcd-export>, got <{element.tag[:40]}>")
+                raise FormatError(f"{file}: expected <fcd-export>, got <{element.tag[:40]}>")
         if event == "end" and element.tag == "timestep":
             t = _number(element.get("time"))
             if not np.isfinite(t) or abs(t) > 1e8:
-                raise refusal(f"expected a time in seconds, got '{element.get('time')}'")
+                raise FormatError(
+                    f"{file}: expected a time in seconds, got '{element.get('time')}'"
+                )
             if t <= before:
-                raise refusal(f"expected ascending times, got time {t:g} after {before:g}")
+                raise FormatError(
+                    f"{file}: expected ascending times, got time {t:g} after {before:g}"
+                )
             before = t
             for child in element:
                 if child.tag in ("vehicle", "person"):
@@ -143,13 +151,14 @@ def _state(
 ) -> tuple[float, float, float, float, float]:
     """Returns x, y, z, heading and speed of an element. z, angle and speed are optional."""
     if not name:
-        raise _refusal(file, f"time {t:g}: expected an id for each <{element.tag}>, got none")
+        raise FormatError(f"{file}: time {t:g}: expected an id for each <{element.tag}>, got none")
     x, y = (_number(element.get(key)) for key in ("x", "y"))
     z, angle = (_number(element.get(key, "0")) for key in ("z", "angle"))
     for key, value in (("x", x), ("y", y), ("z", z), ("angle", angle)):
         if not np.isfinite(value) or abs(value) > 1e7:
-            text = element.get(key)
-            raise _refusal(file, f"time {t:g}: {name}: {key}: expected a number, got {text!r}")
+            raise FormatError(
+                f"{file}: time {t:g}: {name}: {key}: expected a number, got {element.get(key)!r}"
+            )
     # SUMO's angle counts clockwise from north.
     heading = np.nan if element.get("angle") is None else np.radians(90 - angle)
     return x, y, z, heading, _number(element.get("speed"))
@@ -160,7 +169,3 @@ def _number(text: str | None) -> float:
         return float(text or "nan")
     except ValueError:
         return np.nan
-
-
-def _refusal(file: Path, why: str) -> FormatError:
-    return FormatError(f"{file}: {why}")

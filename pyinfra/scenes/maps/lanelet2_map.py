@@ -16,6 +16,7 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.scenes.maps.lane_map import MapFeature, MapLane, SiteMap, without_folds
 from pyinfra.scenes.maps.network import KERB_M
 from pyinfra.scenes.maps.openstreetmap import all_elements, is_deleted, transverse_mercator
+from pyinfra.scenes.maps.surfaces import signed_area
 
 STEP_M = 2.0  # largest distance between points of a lane
 MOST_STEPS = 5000
@@ -134,8 +135,7 @@ def _add(
     kind, kerb = ("sidewalk", KERB_M) if is_walk else ("road", 0.0)
     site_map.lanes.append(MapLane(f"lanelet_{name}", kind, driven, left, right, kerb))
     if driven and tags.get("one_way") == "no":
-        text = f"lanelet {name}: for both directions, read as one lane"
-        site_map.not_understood.append(text)
+        site_map.not_understood.append(f"lanelet {name}: for both directions, read as one lane")
 
 
 def _directed(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -144,8 +144,7 @@ def _directed(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArr
     crossed = np.linalg.norm(left[[0, -1]] - right[[-1, 0]], axis=1).sum()
     if crossed < ends:
         right = right[::-1]
-    x, y = np.concatenate([right, left[::-1]])[:, :2].T
-    area = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()
+    area = signed_area(np.concatenate([right, left[::-1]])[:, :2])
     return (left, right) if area >= 0 else (left[::-1], right[::-1])
 
 

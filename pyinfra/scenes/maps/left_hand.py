@@ -12,6 +12,7 @@ from xml.etree.ElementTree import Element
 
 from pyinfra.core.files import write
 from pyinfra.scenes.maps.lane_map import MapError
+from pyinfra.scenes.maps.opendrive_geometry import read_root
 
 # Attributes whose sign changes, by the path of an element below a road.
 SIGNS: dict[str, tuple[str, ...]] = {
@@ -35,7 +36,7 @@ TURNS = str.maketrans("lrLR", "rlRL")  # directions of connections
 
 def has_left_hand_traffic(file: Path) -> bool:
     """Returns whether all roads of an OpenDRIVE map have the rule LHT."""
-    roads = list(ElementTree.parse(file).getroot().iterfind("{*}road"))
+    roads = read_root(file).findall("road")
     return bool(roads) and all(road.get("rule") == "LHT" for road in roads)
 
 
@@ -44,9 +45,7 @@ def mirrored_map(file: Path, out: Path) -> Path:
 
     Raises MapError for a value that is no number.
     """
-    root = ElementTree.parse(file).getroot()
-    for node in root.iter():
-        node.tag = node.tag.rpartition("}")[2]
+    root = read_root(file)
     for road in root.iterfind("road"):
         road.set("rule", "RHT")
         for path, keys in SIGNS.items():

@@ -54,7 +54,7 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
         "source": file.name,
         "sha256": digest(file),
         "import": VERSION,
-        **_options_as_keys(options),
+        **{k: list(v) if isinstance(v, tuple) else v for k, v in asdict(options).items()},
     }
     if (out / MAP).exists():
         record = read_keys(out / MAP)
@@ -79,7 +79,7 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
             )
         pole, assumption = _pole(site_map, folder, options, origin["offset_m"])
         site_map.guessed += [assumption] if assumption else []
-        write_site(folder, out.name, site_map, meshes, (pole, options), terrain)
+        write_site(folder, out.name, site_map, meshes, pole, options, terrain)
         counts = {
             "lanes": len(site_map.lanes),
             "triangles": sum(len(m.faces) for m in meshes.values()),
@@ -99,10 +99,6 @@ def _listed(site_map: SiteMap) -> dict[str, list[dict[str, Any]]]:
         row = {"id": feature.source, **position, **feature.tags}
         by_kind.setdefault(feature.kind, []).append(row)
     return dict(sorted(by_kind.items()))
-
-
-def _options_as_keys(options: ImportOptions) -> dict[str, Any]:
-    return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(options).items()}
 
 
 def _pole(

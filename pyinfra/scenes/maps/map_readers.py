@@ -55,14 +55,7 @@ def _from_opendrive(
     _check_side(file, options)
     site_map = read_opendrive(file)
     offset = _offset(site_map.lanes, file, options)
-    x, y, z = offset.tolist()
-    site_map.lanes = [_moved(lane, offset) for lane in site_map.lanes]
-    site_map.bodies = [_moved_body(thing, offset) for thing in site_map.bodies]
-    site_map.trees = [
-        replace(t, x_m=t.x_m - x, y_m=t.y_m - y, base_m=None if t.base_m is None else t.base_m - z)
-        for t in site_map.trees
-    ]
-    site_map.features = [replace(f, x_m=f.x_m - x, y_m=f.y_m - y) for f in site_map.features]
+    _move(site_map, offset)
     _cut(site_map, options.radius_m, file)
     readable, changed = mended_for_netconvert(file, scratch / "readable.xodr")
     site_map.not_understood += changed
@@ -88,8 +81,7 @@ def _from_network(
     _check_side(file, options)
     offset = _offset(read_network(file).lanes, file, options)
     warnings = _shifted_network(file, ["--sumo-net-file", str(file)], offset, folder / NET)
-    site_map = _network_map(file, folder, options)
-    return site_map, {"offset_m": offset.tolist(), "network": warnings}
+    return _network_map(file, folder, options), {"offset_m": offset.tolist(), "network": warnings}
 
 
 def _from_osm(
@@ -117,10 +109,12 @@ def _from_osm(
     box = f"{lon - wide},{lat - reach},{lon + wide},{lat + reach}"
     projection = f"+proj=tmerc +lat_0={lat!r} +lon_0={lon!r} +k=1 +ellps=WGS84 +units=m +no_defs"
     bare = osm_features.edges_without_sidewalk(streets, side or "right")
-    arguments = without_sidewalk(bare, scratch / "sidewalks.netccfg")
-    arguments += ["--osm-files", str(source), *OSM, "--proj", projection]
-    arguments += ["--offset.disable-normalization", "--keep-edges.in-geo-boundary", box]
-    arguments += ["--lefthand"] if side == "left" else []
+    arguments = [
+        *without_sidewalk(bare, scratch / "sidewalks.netccfg"),
+        *("--osm-files", str(source), *OSM, "--proj", projection),
+        *("--offset.disable-normalization", "--keep-edges.in-geo-boundary", box),
+        *(["--lefthand"] if side == "left" else []),
+    ]
     warnings = netconvert(file, arguments, folder / NET)
     site_map = _network_map(file, folder, options)
     site_map.features = list(osm_features.features(streets, centre, options.radius_m))
@@ -161,9 +155,7 @@ def _from_lanelet2(file: Path, options: ImportOptions) -> tuple[SiteMap, dict[st
     offset[:2] = offset[:2] if centre is None else 0.0
     if centre is None and options.centre:
         offset[:2] = options.centre
-    site_map.lanes = [_moved(lane, offset) for lane in site_map.lanes]
-    x, y = offset[:2].tolist()
-    site_map.features = [replace(f, x_m=f.x_m - x, y_m=f.y_m - y) for f in site_map.features]
+    _move(site_map, offset)
     _cut(site_map, options.radius_m, file)
     origin: dict[str, Any] = {"offset_m": offset.tolist(), "network": []}
     if centre is not None:
@@ -214,13 +206,23 @@ def _offset(lanes: Sequence[MapLane], file: Path, options: ImportOptions) -> Flo
     return np.array([x, y, round(float(low[2]), -1) if abs(low[2]) > 50 else 0.0])
 
 
-def _moved(lane: MapLane, offset: FloatArray) -> MapLane:
-    return replace(lane, left=lane.left - offset, right=lane.right - offset)
-
-
-def _moved_body(thing: Any, offset: FloatArray) -> Any:
-    base = None if thing.base_m is None else thing.base_m - offset[2]
-    return replace(thing, outline=thing.outline - offset[:2], base_m=base)
+def _move(site_map: SiteMap, offset: FloatArray) -> None:
+    """Subtracts the offset x y z (3,) from the lanes, bodies, trees and features."""
+    x, y, z = offset.tolist()
+    site_map.lanes = [
+        replace(lane, left=lane.left - offset, right=lane.right - offset) for lane in site_map.lanes
+    ]
+    site_map.bodies = [
+        replace(
+            b, outline=b.outline - offset[:2], base_m=None if b.base_m is None else b.base_m - z
+        )
+        for b in site_map.bodies
+    ]
+    site_map.trees = [
+        replace(t, x_m=t.x_m - x, y_m=t.y_m - y, base_m=None if t.base_m is None else t.base_m - z)
+        for t in site_map.trees
+    ]
+    site_map.features = [replace(f, x_m=f.x_m - x, y_m=f.y_m - y) for f in site_map.features]
 
 
 def _cut(site_map: SiteMap, radius_m: float, file: Path) -> None:

@@ -86,8 +86,9 @@ def _read_edge(edge: Element, site_map: SiteMap) -> None:
         left, right, folded = without_folds(*borders(_dense(_unfolded(shape)), width))
         if folded is not None or len(_unfolded(shape)) < len(shape):
             x, y, _ = shape[0] if folded is None else folded
-            text = f"lane {name}: removed a part that runs backwards near {x:.1f} {y:.1f}"
-            site_map.mended.append(text)
+            site_map.mended.append(
+                f"lane {name}: removed a part that runs backwards near {x:.1f} {y:.1f}"
+            )
         walked = _is_for(lane, WALKERS) and not _is_for(lane, CARS)
         site_map.lanes.append(
             MapLane(

@@ -5,6 +5,7 @@ A road is sampled every metre if its line, width or elevation bends, else every 
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -28,6 +29,7 @@ from pyinfra.scenes.maps.opendrive_geometry import (
     number,
     read_cubics,
     read_reference_line,
+    read_root,
 )
 from pyinfra.scenes.maps.opendrive_objects import read_objects
 from pyinfra.scenes.maps.opendrive_unread import unread_elements
@@ -50,11 +52,9 @@ FOOTWAYS = frozenset({"sidewalk", "walking", "curb"})
 def read_opendrive(file: Path) -> SiteMap:
     """Reads an OpenDRIVE file. Raises MapError and OSError."""
     try:
-        root = ElementTree.parse(file).getroot()
+        root = read_root(file)
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
         raise MapError(f"{file}: cannot be read as XML: {error}") from error
-    for node in root.iter():
-        node.tag = node.tag.rpartition("}")[2]  # removes the namespace that some writers add
     if root.tag != "OpenDRIVE":
         raise MapError(f"{file}: expected <OpenDRIVE>, got <{root.tag}>")
     site_map, ids = SiteMap(), set[str | None]()
@@ -88,8 +88,10 @@ def _read_road(node: Element, site_map: SiteMap) -> None:
     starts = [number(section, "s") for section in sections]
     for before, start in itertools.pairwise(starts):
         if start < before:
-            text = f"expected ascending values, got {start:g} after {before:g}"
-            raise MapError(f"road {road.id}: laneSection: s: {text}")
+            raise MapError(
+                f"road {road.id}: laneSection: s: expected ascending values, got {start:g} after "
+                f"{before:g}"
+            )
     pieces: dict[tuple[int, int], Piece] = {}
     for side, sign in (("left", 1), ("right", -1)):
         some = [(at, one) for at, one in zip(starts, sections, strict=True) if _holds(one, side)]
@@ -99,9 +101,8 @@ def _read_road(node: Element, site_map: SiteMap) -> None:
                 lanes = section.findall(f"{side}/lane")
                 pieces |= {(i, p.id): p for p in _pieces(road, lanes, sign, start, end)}
     left_hand = node.get("rule") == "LHT"
-    site_map.lanes += [
-        lane for lane in _joined(road, pieces, left_hand, site_map) if lane is not None
-    ]
+    for first, chain in _joined(pieces):
+        _add_lane(road, first, chain, left_hand, site_map)
     read_objects(road, node, site_map)
 
 
@@ -206,11 +207,11 @@ def _samples(road: OpenDriveRoad, cubics: list[Cubics], start: float, end: float
     return np.asarray(s[np.concatenate([[True], np.diff(s) > 1e-3])])
 
 
-def _joined(
-    road: OpenDriveRoad, pieces: dict[tuple[int, int], Piece], left_hand: bool, site_map: SiteMap
-) -> list[MapLane | None]:
-    """Joins the pieces of lanes that continue with the same type and kerb in the next section."""
-    lanes = []
+def _joined(pieces: dict[tuple[int, int], Piece]) -> Iterator[tuple[int, list[Piece]]]:
+    """Joins the pieces of lanes that continue with the same type and kerb in the next section.
+
+    Yields the number of the first section, and the pieces, of each lane.
+    """
     remaining = dict(pieces)
     for i, number_ in sorted(pieces):
         if (i, number_) not in remaining:
@@ -225,13 +226,13 @@ def _joined(
                 break
             chain.append(remaining.pop((last + 1, chain[-1].successor)))
             last += 1
-        lanes.append(_lane(road, i, chain, left_hand, site_map))
-    return lanes
+        yield i, chain
 
 
-def _lane(
+def _add_lane(
     road: OpenDriveRoad, section: int, chain: list[Piece], left_hand: bool, site_map: SiteMap
-) -> MapLane | None:
+) -> None:
+    """Adds the lane of joined pieces, unless it is too narrow or too short."""
     first = chain[0]
     inner = np.concatenate([first.inner, *(p.inner[1:] for p in chain[1:])])
     outer = np.concatenate([first.outer, *(p.outer[1:] for p in chain[1:])])
@@ -239,20 +240,21 @@ def _lane(
     if (first.id > 0) != left_hand:  # traffic runs against the reference line
         left, right = right[::-1], left[::-1]
     if np.hypot(*(left - right)[:, :2].T).max() < 0.01:
-        return None
+        return
     side = "left" if first.id > 0 else "right"
     name = lane_name(f"road{road.id}", section, f"{side}{abs(first.id)}")
     left, right, folded = without_folds(left, right)
     if folded is not None:
         x, y, _ = folded
-        text = f"lane {name}: removed a part that runs backwards at {x:.1f} {y:.1f}"
-        site_map.mended.append(text)
+        site_map.mended.append(
+            f"lane {name}: removed a part that runs backwards at {x:.1f} {y:.1f}"
+        )
     if np.hypot(*np.diff((left + right)[:, :2] / 2, axis=0).T).sum() < SHORTEST_M:
         site_map.mended.append(f"lane {name}: shorter than {SHORTEST_M} m, left out")
-        return None
-    known = DRIVEN | PAVED | FOOTWAYS
-    if first.type not in known:
-        text = f"lane {name}: unknown type {first.type!r}; imported as a paved shoulder"
-        site_map.not_understood.append(text)
+        return
+    if first.type not in DRIVEN | PAVED | FOOTWAYS:
+        site_map.not_understood.append(
+            f"lane {name}: unknown type {first.type!r}; imported as a paved shoulder"
+        )
     kind = "sidewalk" if first.type in FOOTWAYS else "road"
-    return MapLane(name, kind, first.type in DRIVEN, left, right, first.kerb_m)
+    site_map.lanes.append(MapLane(name, kind, first.type in DRIVEN, left, right, first.kerb_m))

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -11,6 +13,14 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.scenes.maps.lane_map import MapError
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+
+
+def read_root(file: Path) -> Element:
+    """Reads an XML file, without the namespaces that some writers add. Raises ParseError."""
+    root = ElementTree.parse(file).getroot()
+    for node in root.iter():
+        node.tag = node.tag.rpartition("}")[2]
+    return root
 
 
 def number(node: Element, name: str, default: float | None = None) -> float:

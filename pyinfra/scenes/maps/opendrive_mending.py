@@ -7,7 +7,12 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from pyinfra.scenes.maps.opendrive_geometry import number, read_cubics, read_reference_line
+from pyinfra.scenes.maps.opendrive_geometry import (
+    number,
+    read_cubics,
+    read_reference_line,
+    read_root,
+)
 
 # Length of a connecting road that is added to a direct junction, where the roads touch.
 WAY_M = 0.05
@@ -22,9 +27,7 @@ def mended_for_netconvert(file: Path, out: Path) -> tuple[Path, list[str]]:
     If no change is needed, the returned file is `file`. Otherwise it is `out`, without the content
     that netconvert refuses.
     """
-    root = ElementTree.parse(file).getroot()
-    for node in root.iter():
-        node.tag = node.tag.rpartition("}")[2]
+    root = read_root(file)
     notes = [*_straightened(root), *_signals(root), *_junctions(root)]
     if not notes:
         return file, []

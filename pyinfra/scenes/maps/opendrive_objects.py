@@ -14,7 +14,7 @@ import numpy as np
 from pyinfra.core.arrays import FloatArray
 from pyinfra.scenes.maps.lane_map import MapBody, MapFeature, MapTree, SiteMap
 from pyinfra.scenes.maps.opendrive_geometry import OpenDriveRoad, number
-from pyinfra.scenes.maps.openstreetmap import crosses_itself
+from pyinfra.scenes.maps.surfaces import crosses_itself
 
 PAINT = frozenset({"crosswalk", "roadMark", "parkingSpace", "roadSurface", "patch"})
 NO_TYPE = frozenset({"-1", "none", ""})
@@ -87,14 +87,13 @@ def _read_object(road: OpenDriveRoad, node: Element, site_map: SiteMap) -> None:
     if type_ in PAINT or type_ in MOVERS:
         leave_out(f"type {type_!r}, name {node.get('name')!r}: left out")
         return
-    repeats = node.findall("repeat")
+    repeats, outlines = node.findall("repeat"), node.findall(".//outline")
     if type_ in PLANTS:
-        _read_plants(
-            road, node, repeats, site_map, leave_out_if=node.find(".//outline") is not None
-        )
+        if outlines:
+            leave_out("outline of a plant ignored; one tree is built")
+        _read_plants(road, node, repeats, site_map)
         return
     before = len(site_map.bodies)
-    outlines = node.findall(".//outline")
     if any(n.get("outer") == "false" for n in outlines):
         leave_out("inner outline ignored; the hole is filled")
     outlines = [n for n in outlines if n.get("outer") != "false"]
@@ -107,11 +106,8 @@ def _read_object(road: OpenDriveRoad, node: Element, site_map: SiteMap) -> None:
         else:
             site_map.bodies += _of_box(road, node, copy, at)
     if len(site_map.bodies) == before:
-        height = number(node, "height", 0.0)
-        if type_ in NO_TYPE:
-            leave_out(f"type {type_!r}, name {node.get('name')!r}: left out")
-        else:
-            leave_out(f"type {type_!r}, height {height:g} m: left out")
+        name, height = f"name {node.get('name')!r}", f"height {number(node, 'height', 0.0):g} m"
+        leave_out(f"type {type_!r}, {name if type_ in NO_TYPE else height}: left out")
     elif type_ not in STANDING:
         text = f"objects of type {type_!r}: built at their positions"
         site_map.guessed += [] if text in site_map.guessed else [text]
@@ -120,19 +116,8 @@ def _read_object(road: OpenDriveRoad, node: Element, site_map: SiteMap) -> None:
 
 
 def _read_plants(
-    road: OpenDriveRoad,
-    node: Element,
-    repeats: list[Element],
-    site_map: SiteMap,
-    *,
-    leave_out_if: bool,
+    road: OpenDriveRoad, node: Element, repeats: list[Element], site_map: SiteMap
 ) -> None:
-    s, t = (number(node, k, 0.0) for k in "st")
-    if leave_out_if:
-        site_map.not_understood.append(
-            f"road {road.id}: object {node.get('id')} at s = {s:.1f}, t = {t:.1f}: outline of a "
-            "plant ignored; one tree is built"
-        )
     for copy, (at_s, at_t) in _copies(node, repeats):
         if copy is not None and number(copy, "distance", 0.0) == 0:
             site_map.bodies += _wall(road, node, copy)  # a hedge
@@ -259,26 +244,23 @@ def _of_outline(
         uv = np.array([[number(n, "u"), number(n, "v")] for n in local])
         xy, z = _in_world(road, at, node, uv)
         base = z + number(node, "zOffset", 0.0) + np.array([number(n, "z", 0.0) for n in local])
-        heights = np.array([number(n, "height", usual) for n in local])
     elif along:
         shift = at[0] - number(node, "s", 0.0)
         s = np.array([number(n, "s") + shift for n in along])
         positions = road.positions(s, np.array([number(n, "t") for n in along]))
         xy, z = positions[:, :2], float(positions[0, 2])
         base = positions[:, 2] + np.array([number(n, "dz", 0.0) for n in along])
-        heights = np.array([number(n, "height", usual) for n in along])
     else:
         return []
-    corners = list(zip(xy, base, heights, strict=True))
-    if len(xy) > 1 and np.allclose(xy[0], xy[-1]):
-        corners = corners[:-1]
-    closed = outline.get("closed", "true") != "false" or np.allclose(xy[0], xy[-1])
-    ring = np.array([c[0] for c in corners])
+    heights = np.array([number(n, "height", usual) for n in local or along])
+    is_ring = np.allclose(xy[0], xy[-1])
+    closed = outline.get("closed", "true") != "false" or is_ring
+    ring = xy[:-1] if is_ring and len(xy) > 1 else xy
     if closed and len(ring) >= 3 and not crosses_itself(ring):
         return _upright(ring, base, heights, z)
-    pieces = list(itertools.pairwise(range(len(corners))))
-    if closed and len(corners) > 2:
-        pieces.append((len(corners) - 1, 0))
+    pieces = list(itertools.pairwise(range(len(ring))))
+    if closed and len(ring) > 2:
+        pieces.append((len(ring) - 1, 0))
     bodies = []
     for i, j in pieces:
         ahead = ring[j] - ring[i]

@@ -251,19 +251,3 @@ def metres(text: str) -> float | None:
     match = re.match(r"\s*(\d+(?:\.\d+)?)\s*(m|ft|')?\s*$", text)
     value = float(match[1]) * (0.3048 if match[2] in {"ft", "'"} else 1) if match else 0.0
     return value if 0.5 <= value <= 1000 else None
-
-
-def crosses_itself(outline: FloatArray) -> bool:
-    """Returns whether two sides of an outline (n, 2) cross."""
-    a, b = outline, np.roll(outline, -1, axis=0)
-    p, q, r, s = a[:, None], b[:, None], a[None], b[None]
-    across = (side_of(p, q, r) * side_of(p, q, s) < 0) & (side_of(r, s, p) * side_of(r, s, q) < 0)
-    return bool(across.any())
-
-
-def side_of(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
-    """Returns a positive number where point r lies left of the line from p to q, (..., 2) each."""
-    return np.asarray(
-        (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1])
-        - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
-    )

@@ -13,12 +13,11 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.scenes.maps.lane_map import MapBody, MapTree, SiteMap
 from pyinfra.scenes.maps.openstreetmap import (
     StreetMap,
-    crosses_itself,
     metres,
     transverse_mercator,
 )
 from pyinfra.scenes.maps.osm_relations import buildings, with_holes
-from pyinfra.scenes.maps.surfaces import contains
+from pyinfra.scenes.maps.surfaces import contains, crosses_itself
 
 LEVEL_M = 3.0  # height of a storey
 HOUSE_M = 6.0  # default height of a building
@@ -94,8 +93,7 @@ def building_bodies(
         across = np.array([-ahead[1], ahead[0]]) / max(float(np.hypot(*ahead)), 1e-9)
         beside = [_clipped(outline, road.line[0], s * across, road.half_width_m) for s in (1, -1)]
         lower = [MapBody(part, clear, name=source) for part in beside if len(part) >= 3]
-        text = f"{name}: passage of way {road.name}: open up to {clear:g} m"
-        return [upper, *lower], [text]
+        return [upper, *lower], [f"{name}: passage of way {road.name}: open up to {clear:g} m"]
     return [MapBody(outline, height_m, name=source)], []
 
 
@@ -128,27 +126,26 @@ def add_surroundings(
             site_map.not_understood.append(f"{name}: building with missing nodes, left out")
             continue
         outline = transverse_mercator(np.array([map_.nodes[i] for i in ids]), centre)
-        if np.hypot(*outline.mean(0)) > radius_m:
-            continue
         x, y = outline.mean(0)
+        if np.hypot(x, y) > radius_m:
+            continue
         if len(outline) < 3 or crosses_itself(outline):
-            text = f"{name}: building at {x:.1f} {y:.1f} without a valid outline, left out"
-            site_map.not_understood.append(text)
+            site_map.not_understood.append(
+                f"{name}: building at {x:.1f} {y:.1f} without a valid outline, left out"
+            )
             continue
         if is_underground(tags):
             site_map.not_understood.append(f"{name}: building below the ground, left out")
             continue
-        height, is_known = _height(tags)
-        heights.append(is_known)
-        base_m = metres(tags.get("min_height", ""))
-        levels = metres(tags.get("building:min_level", ""))
-        base_m = base_m or (levels * LEVEL_M if levels else 0.0)
+        stated_m = _stated_m(tags, "height", "building:levels")
+        heights.append(stated_m > 0)
+        base_m = _stated_m(tags, "min_height", "building:min_level")
         holes = [
             transverse_mercator(np.array([map_.nodes[i] for i in hole]), centre)
             for hole in building.holes
         ]
         outline = with_holes(outline, holes) if holes else outline
-        bodies, notes = building_bodies(name, outline, height, base_m, tags, roads)
+        bodies, notes = building_bodies(name, outline, stated_m or HOUSE_M, base_m, tags, roads)
         site_map.bodies += bodies
         site_map.guessed += notes
     for node, tags in map_.trees:
@@ -161,10 +158,6 @@ def add_surroundings(
     site_map.not_understood += map_.others
 
 
-def _height(tags: dict[str, str]) -> tuple[float, bool]:
-    """Returns the height of a building in metres, and whether the map states it."""
-    stated_m = metres(tags.get("height", ""))
-    levels = metres(tags.get("building:levels", ""))
-    return (
-        (stated_m, True) if stated_m else (levels * LEVEL_M, True) if levels else (HOUSE_M, False)
-    )
+def _stated_m(tags: dict[str, str], height: str, levels: str) -> float:
+    """Returns a height by its tag, else by the tag of the levels, else 0."""
+    return metres(tags.get(height, "")) or LEVEL_M * (metres(tags.get(levels, "")) or 0.0)

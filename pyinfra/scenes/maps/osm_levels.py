@@ -22,10 +22,10 @@ from pyinfra.scenes.maps.openstreetmap import (
     Way,
     all_elements,
     is_deleted,
-    side_of,
     transverse_mercator,
 )
 from pyinfra.scenes.maps.osm_lanes import swap_sides
+from pyinfra.scenes.maps.surfaces import side_of
 
 CLEARANCE_M = 6.0  # intended height difference between the surfaces of crossing roads
 LEAST_M = 4.5  # a crossing with a smaller height difference is reported

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.scenes.maps.openstreetmap import StreetMap, crosses_itself
-from pyinfra.scenes.maps.surfaces import contains
+from pyinfra.scenes.maps.openstreetmap import StreetMap
+from pyinfra.scenes.maps.surfaces import contains, crosses_itself, side_of, signed_area
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,8 @@ def buildings(map_: StreetMap) -> Iterator[Building | str]:
     members = {ref for relation in map_.multipolygons for ref, _ in relation.members}
     for name, nodes, tags in map_.houses:
         if name not in members:
-            yield Building(f"way {name}", _open(nodes), tags)
+            is_closed = len(nodes) > 1 and nodes[0] == nodes[-1]
+            yield Building(f"way {name}", nodes[:-1] if is_closed else nodes, tags)
     for relation in map_.multipolygons:
         source = f"relation {relation.id}"
         rings = {
@@ -61,11 +62,11 @@ def with_holes(outline: FloatArray, holes: Sequence[FloatArray]) -> FloatArray:
 
     The cut has no width. Holes that cross the outline or themselves are left out.
     """
-    outline = outline if _area(outline) > 0 else outline[::-1]
+    outline = outline if signed_area(outline) > 0 else outline[::-1]
     for hole in sorted(holes, key=lambda h: -float(h[:, 0].max())):
         if len(hole) < 3 or crosses_itself(hole):
             continue
-        ring = hole if _area(hole) < 0 else hole[::-1]
+        ring = hole if signed_area(hole) < 0 else hole[::-1]
         away = np.linalg.norm(outline[:, None] - ring[None], axis=2)
         for k in np.argsort(away, axis=None)[:MOST_CUTS]:
             i, j = np.unravel_index(int(k), away.shape)
@@ -82,14 +83,8 @@ MOST_CUTS = 200  # cuts that are tried for a hole, the shortest first
 def _cuts(ring: FloatArray, start: FloatArray, end: FloatArray) -> bool:
     """Returns whether a segment crosses a side of a ring; common ends do not count."""
     a, b = ring, np.roll(ring, -1, axis=0)
-
-    def side(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
-        cross = (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1])
-        return np.asarray(cross - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0]))
-
-    across = (side(start, end, a) * side(start, end, b) < 0) & (
-        side(a, b, start) * side(a, b, end) < 0
-    )
+    across = side_of(start, end, a) * side_of(start, end, b) < 0
+    across &= side_of(a, b, start) * side_of(a, b, end) < 0
     return bool(across.any())
 
 
@@ -108,12 +103,3 @@ def _rings(parts: Sequence[list[str]]) -> list[list[str]]:
         if ring[0] == ring[-1] and len(ring) > 3:
             rings.append(ring[:-1])
     return rings
-
-
-def _open(nodes: list[str]) -> list[str]:
-    return nodes[:-1] if len(nodes) > 1 and nodes[0] == nodes[-1] else nodes
-
-
-def _area(outline: FloatArray) -> float:
-    x, y = outline.T
-    return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2)

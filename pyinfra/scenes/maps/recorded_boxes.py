@@ -11,7 +11,7 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.dataset.frame_readers import read_cameras
 from pyinfra.dataset.world_frame import boxes_to_world
-from pyinfra.formats.csv_table import numbers, read_words
+from pyinfra.formats.csv_table import expect, numbers, read_words
 from pyinfra.formats.kitti import frame_file, frames, read_labels, read_lidar
 from pyinfra.scenes.maps.box_links import link
 from pyinfra.scenes.maps.tracks import CLASSES
@@ -90,9 +90,8 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
     classes = np.array([_class(file, i, name, how) for i, name in enumerate(words["class"])])
     sizes = np.array([CLASSES[name].mean_m for name in classes]).reshape(-1, 3)
     values = {name: _checked(file, words, name) for name in (*_NEEDED[:-1], clock)}
-    absent = np.full(len(words), np.nan)
-    values |= {"z": _checked(file, words, "z") if "z" in words.columns else absent}
-    values |= {"dz": _checked(file, words, "dz") if "dz" in words.columns else sizes[:, 2]}
+    for name, usual in (("z", np.full(len(words), np.nan)), ("dz", sizes[:, 2])):
+        values[name] = _checked(file, words, name) if name in words.columns else usual
     times = values[clock] / (how.rate_hz or 1.0)
     boxes = np.column_stack([values[n] for n in ("x", "y", "z", "dx", "dy", "dz", "heading")])
     if how.degrees:
@@ -165,11 +164,8 @@ def _checked(file: Path, words: pd.DataFrame, name: str) -> FloatArray:
     """Returns a column of numbers. Raises FormatError if a number is missing or out of range."""
     values = numbers(file, words[name]).to_numpy(float)
     low, high = _RULES[name]
-    wrong = ~((values >= low) & (values <= high))
-    if wrong.any():
-        row = int(wrong.argmax())
-        text = words[name].iloc[row]
-        raise FormatError(f"{file}:{row + 2}: {name}: expected {low:g} to {high:g}, got '{text}'")
+    good = pd.Series((values >= low) & (values <= high))
+    expect(file, words[name], good, f"{low:g} to {high:g}")
     return np.asarray(values)
 
 

@@ -64,9 +64,7 @@ class RoadNet:
 
     def sources(self, sumo_class: str) -> list[Edge]:
         """Returns the edges where traffic enters the map: only a U-turn may lead to them."""
-        led = {to for name, targets in self.links.items() for to in targets}
-        turns = {to for to in led if not self._leads_on(to)}
-        return [e for e in self._of(sumo_class) if e.name not in led or e.name in turns]
+        return [e for e in self._of(sumo_class) if not self._leads_on(e.name)]
 
     def sinks(self, sumo_class: str) -> list[Edge]:
         """Returns the edges where traffic leaves the map."""

@@ -106,8 +106,9 @@ def write_traffic(site: Path, demand: Demand, seconds: float, seed: int) -> list
     site_folder.set_duration(site, lasts_s(traffic.tracks))
     notes = [f"{name}: left out: smoothing failed" for name in traffic.rough]
     if traffic.unrouted:
-        text = f"{len(traffic.unrouted)} of {traffic.asked} trips left out: no valid route"
-        notes.insert(0, text)
+        notes.insert(
+            0, f"{len(traffic.unrouted)} of {traffic.asked} trips left out: no valid route"
+        )
     notes += [f"{name}: left out: it overlaps another object" for name in traffic.overlapping]
     if text := lacking_traffic(site):
         notes.insert(0, text)

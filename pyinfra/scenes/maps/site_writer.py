@@ -34,10 +34,10 @@ def write_site(
     name: str,
     site_map: SiteMap,
     meshes: dict[str, Triangles],
-    choice: tuple[Pole, ImportOptions],
+    pole: Pole,
+    options: ImportOptions,
     terrain: Sheet,
 ) -> None:
-    pole, options = choice
     (folder / "meshes").mkdir()
     for mesh, triangles in meshes.items():
         write_ply(folder / "meshes" / f"{mesh}.ply", triangles)

@@ -88,18 +88,14 @@ def spread_jumps(points: FloatArray) -> FloatArray:
     half = round(_SPREAD_S / STEP_S / 2)
     jumps = np.flatnonzero(np.linalg.norm(extra, axis=1) > _JUMP_M) + 1
     for k in map(int, jumps):
-        if np.linalg.norm(extra[k - 1]) < max(_of_neighbours(extra, k - 1)):
+        near = [np.linalg.norm(extra[i]) for i in (k - 2, k) if 0 <= i < len(extra)]
+        if np.linalg.norm(extra[k - 1]) < max(near):
             continue  # a larger jump in the neighbouring step causes this one
         around = np.arange(max(0, k + 1 - half), min(len(points), k + 1 + half))
         u = np.clip((around - k - 0.5) / (2 * half) + 0.5, 0, 1)
         ramp = u * u * u * (u * (6 * u - 15) + 10) - (around > k)
         out[around, :2] += ramp[:, None] * extra[k - 1]
     return out
-
-
-def _of_neighbours(extra: FloatArray, k: int) -> list[float]:
-    near = [i for i in (k - 1, k + 1) if 0 <= i < len(extra)]
-    return [float(np.linalg.norm(extra[i])) for i in near]
 
 
 def _averaged(points: FloatArray, seconds: float) -> FloatArray:
@@ -179,7 +175,7 @@ def _heights_behind(points: FloatArray, behind_m: FloatArray) -> FloatArray:
     s_known, z_known = s[moving], points[moving, 2]
     slope = 0.0
     if s_known[-1] > 1:
-        slope = float((np.interp(1.0, s_known, z_known) - z_known[0]) / 1.0)
+        slope = float(np.interp(1.0, s_known, z_known) - z_known[0])
     at = s[:, None] - behind_m
     return np.asarray(np.interp(at, s_known, z_known) + slope * np.minimum(at, 0))
 

@@ -61,16 +61,15 @@ def run_tool(name: str, arguments: Sequence[str], *, longest_s: float | None = N
     for link, path in names.items():
         text = text.replace(link, path)
     lines = [line.strip() for line in text.splitlines() if line.strip()]
-    if not done.returncode:
-        for option, end in _OUTPUTS.items():
-            if option in arguments:
-                _check_complete(Path(arguments[arguments.index(option) + 1]), end)
     if done.returncode:
         errors = [line for line in lines if line.startswith("Error:")] or lines or ["no reason"]
         message = errors[0].removeprefix("Error: ")
         failure = SumoError(f"{name}: {message} (exit {done.returncode})")
         failure.crashed = done.returncode < 0 or done.returncode > CRASHED
         raise failure
+    for option, end in _OUTPUTS.items():
+        if option in arguments:
+            _check_complete(Path(arguments[arguments.index(option) + 1]), end)
     return [line.removeprefix("Warning: ") for line in lines if line.startswith("Warning:")]
 
 

@@ -103,17 +103,13 @@ def _filled(z: FloatArray, rounds: int) -> FloatArray:
     z = np.where(known, z, 0.0)
     have = known.copy()
     while not have.all():
-        z, have = _grown(z, have)
+        around, counts = _means(z, have)
+        new = ~have & (counts > 0)
+        z, have = np.where(new, around, z), have | new
     for _ in range(rounds):
         around, _ = _means(z, np.ones_like(known))
         z = np.where(known, z, around)
     return z
-
-
-def _grown(z: FloatArray, have: BoolArray) -> tuple[FloatArray, BoolArray]:
-    around, counts = _means(z, have)
-    new = ~have & (counts > 0)
-    return np.where(new, around, z), have | new
 
 
 def _means(z: FloatArray, have: BoolArray) -> tuple[FloatArray, IntArray]:
@@ -132,6 +128,28 @@ def contains(outline: FloatArray, xy: FloatArray) -> BoolArray:
     with np.errstate(divide="ignore", invalid="ignore"):
         east = x < x0 + (y - y0) * (x1 - x0) / (y1 - y0)
     return np.asarray((cut & east).sum(1) % 2 == 1)
+
+
+def side_of(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
+    """Returns a positive number where point r lies left of the line from p to q, (..., 2) each."""
+    return np.asarray(
+        (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1])
+        - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
+    )
+
+
+def crosses_itself(outline: FloatArray) -> bool:
+    """Returns whether two sides of an outline (n, 2) cross."""
+    a, b = outline, np.roll(outline, -1, axis=0)
+    p, q, r, s = a[:, None], b[:, None], a[None], b[None]
+    across = (side_of(p, q, r) * side_of(p, q, s) < 0) & (side_of(r, s, p) * side_of(r, s, q) < 0)
+    return bool(across.any())
+
+
+def signed_area(outline: FloatArray) -> float:
+    """Returns the area of an outline (n, 2), which is positive if it runs counter-clockwise."""
+    x, y = outline.T
+    return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2)
 
 
 def junction_fill(areas: list[FloatArray], points: FloatArray) -> list[Triangles]:
@@ -159,20 +177,19 @@ def ears(outline: FloatArray) -> IntArray:
 
     The outline must not cross itself.
     """
-    x, y = outline.T
-    area = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()
-    left = list(range(len(outline)) if area > 0 else range(len(outline) - 1, -1, -1))
+    left = list(range(len(outline)))[:: 1 if signed_area(outline) > 0 else -1]
     triangles = []
     while len(left) > 3:
         for k in range(len(left)):
             a, b, c = left[k - 1], left[k], left[(k + 1) % len(left)]
-            if _turn(outline[a], outline[b], outline[c]) <= 1e-9:
+            if side_of(outline[a], outline[b], outline[c]) <= 1e-9:
                 continue
+            corners = outline[[a, b, c]]
             others = outline[[i for i in left if i not in (a, b, c)]]
             # The ends of a cut to a hole are twice in the outline.
-            same = (others[:, None] == outline[[a, b, c]]).all(2).any(1)
-            others = others[~same]
-            if not _inside(outline[[a, b, c]], others).any():
+            others = others[~(others[:, None] == corners).all(2).any(1)]
+            sides = side_of(corners, np.roll(corners, -1, axis=0), others[:, None])  # (n, 3)
+            if not (sides >= 0).all(1).any():
                 break
         else:  # the remaining polygon has no area
             k = 0
@@ -182,29 +199,12 @@ def ears(outline: FloatArray) -> IntArray:
     return np.array([*triangles, left])
 
 
-def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
-
-
-def _inside(corners: FloatArray, xy: FloatArray) -> BoolArray:
-    sides = [
-        (q[0] - p[0]) * (xy[:, 1] - p[1]) - (q[1] - p[1]) * (xy[:, 0] - p[0])
-        for p, q in zip(corners, np.roll(corners, -1, axis=0), strict=True)
-    ]
-    return np.asarray((np.stack(sides) >= 0).all(0))
-
-
 def footway(shape: FloatArray, kerb_m: float) -> Triangles:
     """Returns the surface of a walking area with outline (n, 3), raised by `kerb_m`, with walls."""
     top = shape + np.array([0, 0, kerb_m])
-    ring = np.arange(len(shape)) if _area(shape[:, :2]) < 0 else np.arange(len(shape))[::-1]
+    ring = np.arange(len(shape)) if signed_area(shape[:, :2]) < 0 else np.arange(len(shape))[::-1]
     ring = np.append(ring, ring[0])
     return together([Triangles(top, ears(shape[:, :2])), ribbon(top[ring], shape[ring])])
-
-
-def _area(outline: FloatArray) -> float:
-    x, y = outline.T
-    return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2)
 
 
 def body(thing: MapBody, terrain: Sheet) -> Triangles:
@@ -214,7 +214,7 @@ def body(thing: MapBody, terrain: Sheet) -> Triangles:
     """
     ground = float(terrain.at(thing.outline).min())
     base = ground + thing.above_m if thing.base_m is None else thing.base_m
-    outline = thing.outline if _area(thing.outline) > 0 else thing.outline[::-1]
+    outline = thing.outline if signed_area(thing.outline) > 0 else thing.outline[::-1]
     ring = np.append(np.arange(len(outline)), 0)
     heights = (base + thing.height_m, base if thing.hangs else min(base, ground) - SINK_M)
     top, bottom = (np.insert(outline, 2, z, axis=1) for z in heights)

@@ -24,7 +24,10 @@ STRIPE_M = "0.8"  # width of SUMO's pedestrian lanes, so that two pedestrians ca
 _WARM_UP_S, _WALKING_S = 200, 400  # durations of the warm-up without and with pedestrians
 MOST_UNROUTED = 0.5  # maximum share of trips without a route
 _AROUND_S = 4.0  # additional time at both ends of a track, which the averaging needs
-_TURN_LIMIT = ("--junctions.limit-turn-speed", str(TURN_LIMIT_M_S2), *DETAIL)
+_TURN_LIMIT = (
+    *("--offset.disable-normalization", "true"),
+    *("--junctions.limit-turn-speed", str(TURN_LIMIT_M_S2), *DETAIL),
+)
 _WALKS = (
     *("--sidewalks.guess", "true", "--crossings.guess", "true"),
     *("--sidewalks.guess.max-speed", "14"),  # roads of up to 50 km/h get sidewalks
@@ -114,8 +117,7 @@ def _prepared(net_file: Path, net: RoadNet, demand: Demand, work: Path) -> Path:
     if net.turn_speed_limited and not walks:
         return net_file
     out = work / NET
-    words = ["--sumo-net-file", str(net_file), "--output-file", str(out)]
-    words += ["--offset.disable-normalization", "true", *_TURN_LIMIT]
+    words = ["--sumo-net-file", str(net_file), "--output-file", str(out), *_TURN_LIMIT]
     run_tool("netconvert", [*words, *(_WALKS if walks else ())])
     return out
 
@@ -126,18 +128,29 @@ def _run_sumo(
     """Returns the recorded objects, and the names of objects without a valid route."""
     routes, fcd = work / "trips.rou.xml", work / "fcd.xml"
     begin, end = warm_up - _AROUND_S, math.ceil(warm_up + seconds + _AROUND_S)
-    words = ["--net-file", str(net), "--route-files", str(routes), "--seed", str(seed)]
-    words += ["--step-length", str(STEP_S), "--lateral-resolution", "0.8", "--end", str(end)]
-    words += ["--fcd-output", str(fcd), "--device.fcd.begin", str(begin), "--precision", "4"]
-    words += ["--fcd-output.attributes", "x,y,z,angle,type", "--time-to-teleport", "-1"]
-    words += ["--collision.action", "none", "--pedestrian.model", "striping"]
-    words += ["--pedestrian.striping.stripe-width", STRIPE_M]
-    words += ["--no-step-log", "true", "--no-warnings", "true"]
+    options = {
+        "--net-file": str(net),
+        "--route-files": str(routes),
+        "--seed": str(seed),
+        "--step-length": str(STEP_S),
+        "--lateral-resolution": "0.8",
+        "--end": str(end),
+        "--fcd-output": str(fcd),
+        "--device.fcd.begin": str(begin),
+        "--precision": "4",
+        "--fcd-output.attributes": "x,y,z,angle,type",
+        "--time-to-teleport": "-1",
+        "--collision.action": "none",
+        "--pedestrian.model": "striping",
+        "--pedestrian.striping.stripe-width": STRIPE_M,
+        "--no-step-log": "true",
+        "--no-warnings": "true",
+    }
     xml, unrouted = asked.xml, list[str]()
     while True:
         routes.write_text(xml)
         try:
-            run_tool("sumo", words)
+            run_tool("sumo", [word for option in options.items() for word in option])
             break
         except SumoError as error:
             xml, gone = without_route(xml, str(error))

@@ -63,9 +63,11 @@ def trips(net: RoadNet, feet: FloatArray, demand: Demand, seconds: float, seed: 
     rng = np.random.default_rng(seed)
     lines: list[tuple[float, str]] = []
     sizes: dict[str, tuple[str, FloatArray]] = {}
-    rates = [(demand.vehicles_per_hour, demand.class_shares)]
-    rates += [(demand.bicycles_per_hour, {"Cyclist": 1.0})]
-    rates += [(demand.pedestrians_per_hour, {"Pedestrian": 1.0})]
+    rates = (
+        (demand.vehicles_per_hour, demand.class_shares),
+        (demand.bicycles_per_hour, {"Cyclist": 1.0}),
+        (demand.pedestrians_per_hour, {"Pedestrian": 1.0}),
+    )
     ways: dict[str, _Ways] = {}
     for rate, shares in rates:
         names = sorted(shares)
@@ -76,15 +78,13 @@ def trips(net: RoadNet, feet: FloatArray, demand: Demand, seconds: float, seed: 
             sumo_class = CLASSES[object_class].sumo_class
             if sumo_class not in ways:
                 ways[sumo_class] = _ways(net, feet, sumo_class, np.random.default_rng([seed, 1]))
-            way = ways[sumo_class]
-            route = way.routes[int(rng.choice(len(way.routes), p=way.weights))]
+            known = ways[sumo_class]
+            route = known.routes[int(rng.choice(len(known.routes), p=known.weights))]
             name = f"{object_class}_{len(sizes)}"
             sizes[name] = (object_class, _drawn_size(object_class, rng))
-            kind = _type(name, *sizes[name])
-            if object_class == "Pedestrian":
-                lines.append((depart, kind + _walk(name, depart, route, net, feet)))
-            else:
-                lines.append((depart, kind + _drive(name, depart, route)))
+            is_walk = object_class == "Pedestrian"
+            way = _walk(name, depart, route, net, feet) if is_walk else _drive(name, depart, route)
+            lines.append((depart, _type(name, *sizes[name]) + way))
     text = "".join(line for _, line in sorted(lines))
     return Trips(f"<routes>\n{text}</routes>\n", sizes)
 
@@ -148,9 +148,8 @@ def _ways(net: RoadNet, feet: FloatArray, sumo_class: str, rng: np.random.Genera
     and end at any edges that are far enough from the region.
     """
     routes: list[tuple[list[str], int]] = []
-    ends = _ends(net, feet, sumo_class)
-    for starts, goals in (ends, _far_edges(net, feet, sumo_class)):
-        routes = routes or _routes(net, feet, sumo_class, rng, (starts, goals))
+    for between in (_ends(net, feet, sumo_class), _far_edges(net, feet, sumo_class)):
+        routes = routes or _routes(net, feet, sumo_class, rng, between)
     if not routes:
         raise Error(_too_small(net, feet, sumo_class))
     weights = np.array([weight for _, weight in routes])

@@ -48,8 +48,7 @@ class TrafficFigures:
 
 def traffic_figures(tracks: list[Track], feet: FloatArray) -> TrafficFigures:
     """Computes the figures of tracks. The mounts' feet (k, 2) are x y."""
-    rows = table(tracks)
-    pairs, overlapping = _pairs(rows)
+    pairs, overlapping = _pairs(table(tracks))
     turns = [float(t.max()) for t in map(turns_deg, tracks) if len(t)]
     forces = [float(a.max()) for a in map(accelerations, tracks) if len(a)]
     return TrafficFigures(

@@ -156,8 +156,9 @@ def _to_metres(
     else:
         projection = centred_on(lon_lat)
         lon, lat = projection.centre
-        text = f"positions were longitude and latitude: converted to metres from {lon:g} {lat:g}"
-        out.notes.append(text)
+        out.notes.append(
+            f"positions were longitude and latitude: converted to metres from {lon:g} {lat:g}"
+        )
     known = projection
     return lambda positions: np.column_stack([known.metres(positions[:, :2]), positions[:, 2]])
 
