@@ -11,11 +11,12 @@ from pathlib import Path
 
 from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
-from pyinfra.dataset import catalogue, runs, split
+from pyinfra.dataset import catalogue, split
 from pyinfra.dataset.data_set import DataSet, read_data_set
 from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import read_csv
 from reproduction.data_card import data_card
+from reproduction.simulate import simulate
 
 FRAMES = 5000  # frames in a scene's 500 s
 CARD = "DATASET.md"
@@ -52,9 +53,8 @@ def write_scene(name: str, frames: range, preset: str, folder: Path) -> DataSet:
     Existing frames are not simulated again. Raises FileExistsError if the folder already has
     another split.
     """
-    words = ["--preset", preset, "--frames", f"0:{frames.stop}:{frames.step}"]
-    lidars = [catalogue.lidar_file(lidar) for lidar in catalogue.LIDARS]
-    runs.infrasim("run", catalogue.scene_file(name), "--lidar", *lidars, *words, "--out", folder)
+    numbers = f"0:{frames.stop}:{frames.step}"
+    simulate(name, catalogue.LIDARS, folder, preset=preset, frames=numbers)
     data = read_data_set(folder)
     split.write(data, split.by_time(data.frames, data.period_s), grown=True)
     return data

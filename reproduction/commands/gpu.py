@@ -29,8 +29,6 @@ from torch.profiler import ProfilerActivity, profile
 
 from pyinfra.core.version import machine
 from pyinfra.core.vocabulary import Tier
-from pyinfra.dataset.catalogue import lidar_file, scene_file
-from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store
 from pyinfra.models.detectors.detection_area import Site, site_of
 from pyinfra.models.detectors.fuse_batchnorm import fused
@@ -43,6 +41,7 @@ from pyinfra.models.training.sources import on_road, read_source
 from pyinfra.models.training.validation import average_precision
 from reproduction import ROOT, provenance
 from reproduction.arguments import Out, Work, command
+from reproduction.simulate import simulate
 from reproduction.tables.gpu import AP_STEPS, DETECTORS
 
 Part = Literal["batches", "rates", "latency", "ap", "settings"]
@@ -345,8 +344,7 @@ def simulated(work: Path) -> Path:
     """Returns the folder of the LiDAR's frames, which are simulated if they do not exist."""
     data = work / "frames"
     if not (data / LIDAR).is_dir():
-        words = ("--preset", PRESET, "--seed", str(SEED), "--frames", FRAMES, "--out", str(data))
-        infrasim("run", scene_file(SCENE), "--lidar", lidar_file(LIDAR), *words)
+        simulate(SCENE, [LIDAR], data, preset=PRESET, seed=SEED, frames=FRAMES)
     return data / LIDAR
 
 
