@@ -55,14 +55,17 @@ WARM_UP, PROFILED = 6, 5  # steps before the measurement, and steps whose kernel
 LONGEST = 8  # kernels that are printed
 KEY = ["device", "detector", "tier", "setting", "measure"]
 
+# The precision and the changed fields of the pace, by the name of the setting.
+Rates = dict[str, tuple[Precision, dict[str, bool]]]
+ON_CPU: Rates = {"float32": ("float32", {})}  # few CPUs multiply matrices of 16 bits
 # `pyinfra train` on a GPU uses `tf32` or, with --precision bfloat16, `bfloat16`.
-RATES: dict[str, tuple[Precision, dict[str, bool]]] = {
+RATES: Rates = {
     "tf32": ("float32", {"tf32": True}),
     "bfloat16": ("bfloat16", {"tf32": True}),
     "float32": ("float32", {"tf32": False}),
 }
 # Other settings than the default, of which a GPU may be faster with some.
-SETTINGS: dict[str, tuple[Precision, dict[str, bool]]] = {
+SETTINGS: Rates = {
     "tuned": ("float32", {"tf32": True, "tuned": True}),
     "bfloat16 tuned": ("bfloat16", {"tf32": True, "tuned": True}),
     "compiled": ("float32", {"tf32": True, "tuned": True, "compiled": True}),
@@ -136,18 +139,10 @@ def batches(bench: Bench) -> None:
         bench.write("full", f"{workers} workers", "batches_per_s", count / spent)
 
 
-def rates(bench: Bench) -> None:
-    """Measures steps per second with 32 and with 16 bits."""
-    if bench.device.type == "cpu":  # few CPUs multiply matrices of 16 bits
-        attempt(bench, "float32", partial(rate, bench, "float32", "float32", {}))
-        return
-    for name, (precision, changes) in RATES.items():
-        attempt(bench, name, partial(rate, bench, name, precision, changes))
-
-
-def settings(bench: Bench) -> None:
-    """Measures steps per second with the settings that are not the default."""
-    for name, (precision, changes) in SETTINGS.items():
+def rates(bench: Bench, chosen: Rates | None = None) -> None:
+    """Measures steps per second with each setting, by default with 32 and with 16 bits."""
+    default = ON_CPU if bench.device.type == "cpu" else RATES
+    for name, (precision, changes) in (chosen or default).items():
         attempt(bench, name, partial(rate, bench, name, precision, changes))
 
 
@@ -326,7 +321,7 @@ MEASURES: dict[Part, Callable[[Bench], None]] = {
     "rates": rates,
     "latency": latency,
     "ap": ap,
-    "settings": settings,
+    "settings": partial(rates, chosen=SETTINGS),
 }
 
 
