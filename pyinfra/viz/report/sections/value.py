@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Callable
 from typing import Any
 
 import pandas as pd
@@ -20,8 +21,10 @@ from pyinfra.viz.report.blocks import (
     Table,
     TableCell,
     number,
+    number_in,
+    table_of,
 )
-from pyinfra.viz.report.names import DETECTORS, detector, in_order
+from pyinfra.viz.report.names import DETECTORS, in_order, option_columns
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.distance import legend
 from pyinfra.viz.report.style import FAINT, GROUND, drawing, log_ticks, panel
@@ -129,32 +132,20 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
 
 
 def _table(material: Material, value: pd.DataFrame) -> Table:
-    heads = [Column(c) for c in ("LiDAR", "Scene", "Preset", "Detector")]
     name = ap_name(value)
-    heads += [Column(name, number=True), Column(f"{name}, whole road", number=True)]
-    heads += [Column(title, number=True) for title, _ in HEADS.values()]
-    rows = [_row(material, row) for _, row in value.iterrows()]
-    return Table(
+    caption = (
         "Performance per dollar. An option that is not on the Pareto front is dominated by the "
-        "option in the last column.",
-        [*heads, Column("Dominated by")],
-        rows,
-        material.results.source("value"),
-        closed=len(rows) > 16,
+        "option in the last column."
     )
-
-
-def _row(material: Material, row: pd.Series) -> list[TableCell]:
-    texts = [material.names.model(row.lidar), row.scene, row.preset, detector(row.detector)]
-    values = [number(float(row[c]), form, str(row.origin)) for c, (_, form) in HEADS.items()]
-    dominating = TableCell(spelled(material, str(row.dominated_by)))
-    return [
-        *(TableCell(str(t)) for t in texts),
-        number(row.ap_r1000),
-        number(row.ap_whole_r1000),
-        *values,
-        dominating,
-    ]
+    columns: dict[str, Callable[[Any], TableCell | str]] = {
+        **option_columns(material.names),
+        name: lambda row: number(row.ap_r1000),
+        f"{name}, whole road": lambda row: number(row.ap_whole_r1000),
+        **{title: number_in(column, form) for column, (title, form) in HEADS.items()},
+        "Dominated by": lambda row: spelled(material, str(row.dominated_by)),
+    }
+    source = material.results.source("value")
+    return table_of(caption, value, columns, source, closed=len(value) > 16)
 
 
 def spelled(material: Material, text: str) -> str:
