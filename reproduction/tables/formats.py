@@ -2,7 +2,7 @@
 
 import tomllib
 
-from pyinfra.exchange.formats import FORMATS, Format
+from pyinfra.exchange.formats import FORMATS
 from pyinfra.exchange.guess import FILES
 from pyinfra.exchange.label_files import SUFFIXES
 from pyinfra.scenes.maps.map_file import FORMATS as MAPS
@@ -24,16 +24,11 @@ FOLDERS = {
 OWN = "NumPy"
 
 
-def _library(format: Format) -> str:
-    extra = f" (extra `{format.extra}`)" if format.extra else ""
-    return f"{format.packages}{extra}" if format.packages else OWN
-
-
 def formats() -> str:
     """A row for each format of recordings: read, written, read back, library, files."""
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    extra = extras["optional-dependencies"].values()
-    known = " ".join(extras["dependencies"] + [word for words in extra for word in words])
+    optional = extras["optional-dependencies"].values()
+    known = " ".join(extras["dependencies"] + [word for words in optional for word in words])
     rows = []
     for name, format in FORMATS.items():
         for package in filter(None, format.packages.split(", ")):
@@ -41,7 +36,9 @@ def formats() -> str:
         files = FOLDERS.get(name) or ", ".join(FILES[name])
         read, written = ("yes" if part else "no" for part in (format.read, format.export))
         back = f"`{format.back}`" if format.back else "-"
-        rows.append((f"`{name}`", files, read, written, back, _library(format)))
+        extra = f" (extra `{format.extra}`)" if format.extra else ""
+        library = f"{format.packages}{extra}" if format.packages else OWN
+        rows.append((f"`{name}`", files, read, written, back, library))
     return markdown(["format", "files", "read", "written", "read back as", "library"], rows)
 
 

@@ -233,15 +233,11 @@ def variance() -> str:
     names = {"ruby_plus": "128 lines", "avia": "Avia", "pandar_64": "64 lines"}
     names |= {"helios_16": "16 lines", DIFFERENCE: "Avia minus 128 lines"}
     rows = [
-        [text, *(_sd(table, (component, name)) for name in names)]
+        [text, *("" if pd.isna(sd) else f"{sd:.1f}" for sd in table[component].reindex([*names]))]
         for component, text in COMPONENTS.items()
         if component in table.index.get_level_values(0)
     ]
     return markdown(["component", *names.values()], rows)
-
-
-def _sd(table: pd.Series, key: tuple[str, str]) -> str:
-    return f"{table[key]:.1f}" if key in table.index else ""
 
 
 def costs() -> str:

@@ -30,11 +30,6 @@ TITLE = "Average precision"
 Note = Callable[[pd.Series], str]
 
 
-def no_note(row: pd.Series) -> str:
-    """Returns no note."""
-    return ""
-
-
 def section(material: Material) -> Section | None:
     """Returns tables of LiDARs x detectors for each scene and preset, and all experiments."""
     experiments = material.results.table("experiments")
@@ -45,7 +40,7 @@ def section(material: Material) -> Section | None:
     return Section("accuracy", TITLE, _lead(experiments, done), blocks)
 
 
-def grids(material: Material, done: pd.DataFrame, note: Note = no_note) -> list[Table]:
+def grids(material: Material, done: pd.DataFrame, note: Note = lambda _: "") -> list[Table]:
     """Returns a table for each scene and preset. note: returns the text below the AP of a row."""
     return [
         _grid(material, rows, note)

@@ -66,7 +66,11 @@ def _bars(material: Material, distance: pd.DataFrame) -> list[Block]:
     for preset in in_order(distance.preset, PRESETS):
         for truth in TRUTHS:
             rows = distance[(distance.preset == preset) & (distance.ground_truth == truth)]
-            panels = _bar_panels(material, rows)
+            panels = [
+                _bar_panel(material, rows[(rows.scene == scene) & (rows.detector == name)])
+                for scene in in_order(rows.scene, SCENES)
+                for name in in_order(rows[rows.scene == scene].detector, DETECTORS)
+            ]
             caption = f"Areas by quality, preset {preset}: {MEANING[truth]}."
             source = material.results.source("distance")
             name = f"figure-areas-{preset}-{truth}"
@@ -80,14 +84,6 @@ def _legend() -> list[LegendEntry]:
     return [
         LegendEntry(LABELS[q], svg.patch_swatch(look["facecolor"], _hatch(look["hatch"])))
         for q, look in STYLES.items()
-    ]
-
-
-def _bar_panels(material: Material, rows: pd.DataFrame) -> list[Panel]:
-    return [
-        _bar_panel(material, rows[(rows.scene == scene) & (rows.detector == name)])
-        for scene in in_order(rows.scene, SCENES)
-        for name in in_order(rows[rows.scene == scene].detector, DETECTORS)
     ]
 
 

@@ -171,10 +171,11 @@ def _prices(material: Material, prices: pd.DataFrame) -> Table:
         low, high = float(row.price_low_usd), float(row.price_high_usd)
         price = f"{low:,.0f}" if low == high else f"{low:,.0f} to {high:,.0f}"
         first = [TableCell(material.names.label(row.lidar)), number(row.units, ".0f")]
-        words = ["" if pd.isna(row[c]) else str(row[c]) for c in more]
         others = [
-            _value_cell(word, float(numbers[c][at]), row.origin)
-            for c, word in zip(more, words, strict=True)
+            TableCell("" if pd.isna(row[c]) else str(row[c]))
+            if math.isnan(value := float(numbers[c][at]))
+            else TableCell(f"{value:.4g}", value, row.origin)
+            for c in more
         ]
         source = TableCell(f"{row.price_source}, {row.price_date}".strip(", "))
         rows.append([*first, TableCell(price, low, row.origin), *others, source])
@@ -188,7 +189,3 @@ def _title(column: str) -> str:
         if column.endswith(unit):
             column = column.removesuffix(unit) + shown
     return column.replace("_", " ").replace("fov", "field of view").capitalize()
-
-
-def _value_cell(text: str, value: float, origin: str) -> TableCell:
-    return TableCell(text) if math.isnan(value) else TableCell(f"{value:.4g}", value, origin)
