@@ -9,8 +9,8 @@ import hashlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from pyinfra.core import files
 from pyinfra.core.errors import Error
-from pyinfra.core.files import replacing
 from pyinfra.dataset import catalogue, split
 from pyinfra.dataset.data_set import DataSet, read_data_set
 from pyinfra.formats import kitti
@@ -65,8 +65,8 @@ def checksums(out: Path) -> Iterator[str]:
 
     `summary.csv` is left out, because its times differ between runs.
     """
-    files = [out / CARD, *(file for scene in catalogue.SCENES for file in (out / scene).rglob("*"))]
-    for file in sorted(files):
+    of_scenes = (file for scene in catalogue.SCENES for file in (out / scene).rglob("*"))
+    for file in sorted([out / CARD, *of_scenes]):
         if file.is_file() and file.name != TIMES and not file.name.startswith("."):
             with file.open("rb") as stream:
                 digest = hashlib.file_digest(stream, "sha256").hexdigest()
@@ -98,7 +98,5 @@ def write(
         if progress:
             progress(f"{out / scene}: {len(frames)} frames")
     summaries = [read_csv(data.folder / TIMES) for data in sets]
-    with replacing(out / CARD) as beside:
-        beside.write_text(data_card(sets, summaries), encoding="utf-8")
-    with replacing(out / SUMS) as beside:
-        beside.write_text("".join(checksums(out)), encoding="utf-8")
+    files.write(out / CARD, data_card(sets, summaries))
+    files.write(out / SUMS, "".join(checksums(out)))

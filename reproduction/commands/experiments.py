@@ -29,7 +29,7 @@ from typing import Annotated
 
 import pandas as pd
 
-from pyinfra.core.files import held, replacing
+from pyinfra.core.files import held, write
 from pyinfra.core.vocabulary import SUBSETS, LabelTime, Preset, Tier
 from pyinfra.dataset import split
 from pyinfra.dataset.data_set import read_data_set
@@ -150,8 +150,7 @@ def turned(lidars: Sequence[Path], degrees: int, folder: Path) -> list[Path]:
     for lidar in lidars:
         if lidar_keys.spins(lidar_keys.read(lidar / lidar_keys.FILE)):
             file = folder / f"{lidar.name}.yaml"
-            with replacing(file) as beside:
-                beside.write_text(lidar_keys.text(lidar / lidar_keys.FILE, [degrees]))
+            write(file, lidar_keys.text(lidar / lidar_keys.FILE, [degrees]))
             files.append(file)
     return files
 

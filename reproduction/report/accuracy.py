@@ -1,6 +1,5 @@
 """Makes the report's section on average precision, with the paper's values."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,11 +11,11 @@ from pyinfra.metrics.row_selection import AP_R40
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Block,
+    Columns,
     Figure,
     LegendEntry,
     Panel,
     Section,
-    TableCell,
     number,
     table_of,
 )
@@ -60,7 +59,7 @@ def _agreement(material: Material) -> list[Block]:
     rows = material.results.table("paper")
     if rows.empty:
         return []
-    columns: dict[str, Callable[[Any], TableCell | str]] = {
+    columns: Columns = {
         "Scene": lambda row: str(row.scene),
         "Experiments": lambda row: number(float(row.experiments), "g"),
         "Rank correlation": lambda row: number(float(row.rank_correlation), ".2f"),

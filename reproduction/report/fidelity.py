@@ -1,19 +1,16 @@
 """Makes the report's section on the cost and accuracy of scene models of different detail."""
 
-from collections.abc import Callable
-from typing import Any
-
 import pandas as pd
 
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Block,
+    Columns,
     Figure,
     Panel,
     Section,
     Table,
-    TableCell,
     number_in,
     table_of,
 )
@@ -132,7 +129,7 @@ def _figure(material: Material, ladder: pd.DataFrame, source: TableFile) -> Figu
 
 def _ladder_table(material: Material, ladder: pd.DataFrame, source: TableFile) -> Table:
     caption = "Change of the number of points on a vehicle over the distance bins of fidelity.csv."
-    columns: dict[str, Callable[[Any], TableCell | str]] = {
+    columns: Columns = {
         "Detail": lambda row: str(row.detail),
         "LiDAR": lambda row: material.names.label(str(row.lidar)),
         "Mean change, %": number_in("mean_change_percent", ".2f"),
@@ -147,7 +144,7 @@ def _aggregation(material: Material, table: pd.DataFrame) -> Table:
         "Aggregation of the points of a frame: each ray at its own firing time (exact), in slices "
         "within which nothing moves, or all rays at one instant."
     )
-    columns: dict[str, Callable[[Any], TableCell | str]] = {
+    columns: Columns = {
         "Aggregation": lambda row: str(row.aggregation),
         "LiDAR": lambda row: material.names.label(str(row.lidar)),
         "Points per vehicle": number_in("points_per_vehicle"),
@@ -159,7 +156,7 @@ def _aggregation(material: Material, table: pd.DataFrame) -> Table:
 
 def _beam(material: Material, table: pd.DataFrame) -> Table:
     caption = "The Avia's beam, simulated as one ray or as several rays side by side."
-    columns: dict[str, Callable[[Any], TableCell | str]] = {
+    columns: Columns = {
         "Rays of a beam": lambda row: str(row.lidar).replace("_", " "),
         "Distance, m": lambda row: str(row.distance),
         "Vehicles": number_in("vehicles", ".0f"),

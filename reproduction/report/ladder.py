@@ -1,16 +1,22 @@
 """Shows how cheaper scene models change the conclusions, one setting at a time."""
 
 import itertools
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import pandas as pd
 
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics.comparison import Interval, over_replicates
 from pyinfra.viz.report import svg
-from pyinfra.viz.report.blocks import Block, Figure, Panel, Table, TableCell, number_in, table_of
+from pyinfra.viz.report.blocks import (
+    Block,
+    Columns,
+    Figure,
+    Panel,
+    Table,
+    number_in,
+    table_of,
+)
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.distance import legend
 from pyinfra.viz.report.style import drawing, panel
@@ -197,7 +203,7 @@ def _figure(material: Material, table: pd.DataFrame) -> Figure:
 
 def _table(material: Material, steps: list[ComparedValue], known: bool) -> Table:
     made = pd.DataFrame([vars(step) for step in steps])
-    columns: dict[str, Callable[[Any], TableCell | str]] = {
+    columns: Columns = {
         "Setting": lambda row: str(row.setting),
         "Value": lambda row: str(row.value),
         "CPU time, s": number_in("seconds"),

@@ -84,12 +84,12 @@ def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "".join([lines[0], "|" + "---|" * len(heads) + "\n", *lines[1:]])
 
 
-def of_rows(rows: pd.DataFrame, columns: Mapping[str, str | Callable[[Any], str]]) -> str:
-    """Returns a Markdown table with a line for each row.
+# By the head of a column: a template of the values of a row, such as `{objects:,}`, or a function.
+Columns = Mapping[str, str | Callable[[Any], str]]
 
-    columns: by the column's head, a template of the row's values, such as `{objects:,}`, or a
-    function of the row.
-    """
+
+def of_rows(rows: pd.DataFrame, columns: Columns) -> str:
+    """Returns a Markdown table with a line for each row."""
     lines = (
         [cell.format_map(row) if isinstance(cell, str) else cell(row) for cell in columns.values()]
         for row in rows.to_dict("records")

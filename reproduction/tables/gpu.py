@@ -8,7 +8,7 @@ import yaml
 
 from reproduction import ROOT
 from reproduction.tables.common import DETECTORS as NAMES
-from reproduction.tables.common import markdown, number, of_rows, results, tenth
+from reproduction.tables.common import Columns, markdown, number, of_rows, results, tenth
 
 DETECTORS = ("centerpoint-pillar", "pointpillars", "dsvt", "pv-rcnn", "pointrcnn")
 AP_STEPS = 100  # steps of the tier `quick` before the AP is measured
@@ -92,7 +92,7 @@ def batches() -> str:
     """Returns a table of the batches per second by the number of workers."""
     table = results("gpu")
     table = table[table.measure == "batches_per_s"]
-    columns = {
+    columns: Columns = {
         "device": "{device}",
         "processes that make batches": lambda row: str(row["setting"].split()[0]),
         "batches/s": lambda row: number(row["value"]),

@@ -1,11 +1,10 @@
 """Makes the tables about tracks and counts, from results/tracks.csv."""
 
-from collections.abc import Callable, Mapping
 from typing import Any
 
 import pandas as pd
 
-from reproduction.tables.common import LIDARS, number, of_rows, results
+from reproduction.tables.common import LIDARS, Columns, number, of_rows, results
 
 SCENES = {
     "highway": "highway",
@@ -35,7 +34,7 @@ def rows_of(boxes: str) -> pd.DataFrame:
     return groups.agg(how).reset_index().sort_values(["scene", "lidar"], key=lambda c: c.map(order))
 
 
-def _table(boxes: str, columns: Mapping[str, str | Callable[[Any], str]]) -> str:
+def _table(boxes: str, columns: Columns) -> str:
     """Returns a table with a row per scene and LiDAR. columns: see `of_rows`."""
     rows = rows_of(boxes)
     rows = rows.assign(scene=rows.scene.map(SCENES), lidar=rows.lidar.map(LIDARS))

@@ -202,18 +202,21 @@ class Section:
     blocks: Sequence[Block]
 
 
+# The functions of a row that return its cells or their texts, by the title of the column.
+Columns = Mapping[str, Callable[[Any], TableCell | str]]
+
+
 def table_of(
     caption: str,
     rows: pd.DataFrame,
-    columns: Mapping[str, Callable[[Any], TableCell | str]],
+    columns: Columns,
     source: TableFile,
     *,
     closed: bool = False,
 ) -> Table:
     """Returns a table with a line for each row.
 
-    columns: by title, a function of the row that returns the cell or its text. A column whose cells
-    have a sort key is one of numbers.
+    A column whose cells have a sort key is one of numbers.
     """
     lines = [[of(row) for of in columns.values()] for row in rows.itertuples()]
     cells = [[TableCell(c) if isinstance(c, str) else c for c in line] for line in lines]

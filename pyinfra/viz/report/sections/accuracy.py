@@ -13,6 +13,7 @@ from pyinfra.viz.report.blocks import (
     NOTHING,
     Block,
     Column,
+    Columns,
     Section,
     Table,
     TableCell,
@@ -117,7 +118,7 @@ def _all(material: Material, experiments: pd.DataFrame) -> Table:
         text = str(row.seed)
         return TableCell(text, float(text) if text.isdigit() else np.nan)
 
-    columns: dict[str, Callable[[Any], TableCell | str]] = {
+    columns: Columns = {
         **option_columns(material.names),
         "LiDAR": lidar,
         "Seed": seed,

@@ -1,6 +1,5 @@
 """The section on high-quality detection areas: their number and their positions on the road."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from pyinfra.viz.evaluation_plots import LABELS, STYLES, areas_plan
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Block,
+    Columns,
     Figure,
     LegendEntry,
     Panel,
@@ -170,7 +170,7 @@ def _table(material: Material, areas: pd.DataFrame) -> Table:
         "Numbers of detection areas with enough vehicles, and of high-quality areas among them. "
         "The subset captured must not be used to compare positions of a sensor."
     )
-    columns: dict[str, Callable[[Any], TableCell | str]] = {
+    columns: Columns = {
         "Scene, road": lambda row: f"{row.scene}, {row.road}",
         "LiDAR": lambda row: material.names.model(row.lidar),
         "Preset": lambda row: str(row.preset),

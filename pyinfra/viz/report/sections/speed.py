@@ -13,6 +13,7 @@ from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics.row_selection import ap_name
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
+    Columns,
     Figure,
     LegendEntry,
     Panel,
@@ -157,7 +158,7 @@ def _mark(material: Material, ax: Any, row: Any, cost: str) -> None:
 def _table(material: Material, rows: pd.DataFrame) -> Table:
     """Returns a table of the Pareto front of AP and latency."""
     name = ap_name(rows)
-    columns = {
+    columns: Columns = {
         **option_columns(material.names),
         name: number_in("ap_r1000"),
         "Median, ms": number_in("latency_p50_ms", ".0f"),

@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections.abc import Callable
 from typing import Any
 
 import pandas as pd
@@ -15,6 +14,7 @@ from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Block,
     Column,
+    Columns,
     Figure,
     Panel,
     Section,
@@ -137,7 +137,7 @@ def _table(material: Material, value: pd.DataFrame) -> Table:
         "Performance per dollar. An option that is not on the Pareto front is dominated by the "
         "option in the last column."
     )
-    columns: dict[str, Callable[[Any], TableCell | str]] = {
+    columns: Columns = {
         **option_columns(material.names),
         name: lambda row: number(row.ap_r1000),
         f"{name}, whole road": lambda row: number(row.ap_whole_r1000),
