@@ -9,13 +9,14 @@ import hashlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from pyinfra.core import files
 from pyinfra.core.errors import Error
-from pyinfra.core.files import replacing
-from pyinfra.dataset import catalogue, runs, split
+from pyinfra.dataset import catalogue, split
 from pyinfra.dataset.data_set import DataSet, read_data_set
 from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import read_csv
 from reproduction.data_card import data_card
+from reproduction.simulate import simulate
 
 FRAMES = 5000  # frames in a scene's 500 s
 CARD = "DATASET.md"
@@ -52,9 +53,8 @@ def write_scene(name: str, frames: range, preset: str, folder: Path) -> DataSet:
     Existing frames are not simulated again. Raises FileExistsError if the folder already has
     another split.
     """
-    words = ["--preset", preset, "--frames", f"0:{frames.stop}:{frames.step}"]
-    lidars = [catalogue.lidar_file(lidar) for lidar in catalogue.LIDARS]
-    runs.infrasim("run", catalogue.scene_file(name), "--lidar", *lidars, *words, "--out", folder)
+    numbers = f"0:{frames.stop}:{frames.step}"
+    simulate(name, catalogue.LIDARS, folder, preset=preset, frames=numbers)
     data = read_data_set(folder)
     split.write(data, split.by_time(data.frames, data.period_s), grown=True)
     return data
@@ -65,8 +65,8 @@ def checksums(out: Path) -> Iterator[str]:
 
     `summary.csv` is left out, because its times differ between runs.
     """
-    files = [out / CARD, *(file for scene in catalogue.SCENES for file in (out / scene).rglob("*"))]
-    for file in sorted(files):
+    of_scenes = (file for scene in catalogue.SCENES for file in (out / scene).rglob("*"))
+    for file in sorted([out / CARD, *of_scenes]):
         if file.is_file() and file.name != TIMES and not file.name.startswith("."):
             with file.open("rb") as stream:
                 digest = hashlib.file_digest(stream, "sha256").hexdigest()
@@ -98,7 +98,5 @@ def write(
         if progress:
             progress(f"{out / scene}: {len(frames)} frames")
     summaries = [read_csv(data.folder / TIMES) for data in sets]
-    with replacing(out / CARD) as beside:
-        beside.write_text(data_card(sets, summaries), encoding="utf-8")
-    with replacing(out / SUMS) as beside:
-        beside.write_text("".join(checksums(out)), encoding="utf-8")
+    files.write(out / CARD, data_card(sets, summaries))
+    files.write(out / SUMS, "".join(checksums(out)))

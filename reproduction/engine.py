@@ -85,7 +85,8 @@ class Step:
 
     @property
     def reads(self) -> set[str]:
-        return {name for command in self.commands for name in _read_files(command.words)}
+        words = [word for command in self.commands for word in shlex.split(command.words)]
+        return {word[1:-1] for word in words if word.startswith("{")}
 
 
 @dataclass(frozen=True)
@@ -125,10 +126,6 @@ class Part:
     def took(self) -> dict[str, object]:
         taken: dict[str, object] = json.loads(self.done.read_text())
         return {"command": self.words, "key": self.key, **taken}
-
-
-def _read_files(words: str) -> list[str]:
-    return [word[1:-1] for word in shlex.split(words) if word.startswith("{")]
 
 
 def toys(steps: Sequence[Step], words: Mapping[str, str]) -> list[Step]:

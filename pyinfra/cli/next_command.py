@@ -25,17 +25,22 @@ def print_next(command: str, args: argparse.Namespace) -> None:
 
 def next_command(command: str, args: argparse.Namespace) -> str:
     """Returns the suggested command line after `command` has run with `args`."""
-    return shlex.join(str(word) for word in NEXT[command](args))
+    following = NEXT[command]
+    if isinstance(following, str):
+        return shlex.join(_filled(word, args) for word in following.split())
+    return shlex.join(map(str, following(args)))
+
+
+def _filled(word: str, args: argparse.Namespace) -> str:
+    """Returns a word of a template with the values of a command line; paths are normalised."""
+    text = word.format_map(vars(args))
+    return str(Path(text)) if "/" in word else text
 
 
 def _lidars(args: argparse.Namespace) -> Words:
     lidar = args.lidars[0] if args.lidars else "ruby_plus"
     run = ["infrasim", "run", "highway", "--lidar", lidar, "--frames", "0:100"]
     return [*run, "--out", "data/highway"]
-
-
-def _pictures(args: argparse.Namespace) -> Words:
-    return ["pyinfra", "view", args.data[0], "--out", args.out / "view.html"]
 
 
 def _view(args: argparse.Namespace) -> Words:
@@ -85,38 +90,12 @@ def _detect(args: argparse.Namespace) -> Words:
     return ["pyinfra", "view", data, "--pred", args.out, "--out", args.out / "view.html"]
 
 
-def _track(args: argparse.Namespace) -> Words:
-    return ["pyinfra", "count", args.out, args.data, "--out", args.out.parent / "counts"]
-
-
-def _count(args: argparse.Namespace) -> Words:
-    hour = ["--interval-s", 3600]
-    return ["pyinfra", "count", args.tracks, args.site, *hour, "--out", args.out]
-
-
-def _region(args: argparse.Namespace) -> Words:
-    boxes = args.out.parent / f"{args.out.stem}_boxes"
-    return ["pyinfra", "detect", args.data, "--region", args.out, "--out", boxes]
-
-
-def _onnx(args: argparse.Namespace) -> Words:
-    return ["pyinfra", "benchmark", "first_look", "--out", args.out.parent / "first_look"]
-
-
-def _statistics(args: argparse.Namespace) -> Words:
-    return ["pyinfra", "split", args.data[0]]
-
-
 def _validate(args: argparse.Namespace) -> Words:
     if args.pred is not None and has_labels(args.data):
         evaluation = args.pred.parent / f"{args.pred.name}_evaluation"
         return ["pyinfra", "evaluate", args.data, args.pred, "--out", evaluation]
     pred = ["--pred", args.pred] if args.pred is not None else []
     return ["pyinfra", "view", args.data, *pred, "--out", "view.html"]
-
-
-def _evaluate(args: argparse.Namespace) -> Words:
-    return ["pyinfra", "view", args.gt, "--pred", args.pred, "--out", args.out / "view.html"]
 
 
 def _stress(args: argparse.Namespace) -> Words:
@@ -136,11 +115,6 @@ def _benchmark(args: argparse.Namespace) -> Words:
         tier = ["--tier", args.tier]
         return ["pyinfra", "benchmark", args.config, *tier, *scene, "--out", args.out]
     return ["pyinfra", "recommend", args.out, "--tier", args.tier, "--budget", BUDGET_USD]
-
-
-def _plan(args: argparse.Namespace) -> Words:
-    words = ["pyinfra", "benchmark", "first_look", "--scene", args.scene]
-    return [*words, "--out", args.out / "benchmark"]
 
 
 def _recommend(args: argparse.Namespace) -> Words:
@@ -178,41 +152,34 @@ def number(value: float) -> str:
     return f"{value:.15g}"
 
 
-def _import(args: argparse.Namespace) -> Words:
-    return ["pyinfra", "validate", args.out]
-
-
-def _export(args: argparse.Namespace) -> Words:
-    return ["pyinfra", "validate", args.data]
-
-
 def _lidar_of(folder: Path) -> Path:
     """Returns the folder of the first LiDAR of a data set, or the LiDAR's folder itself."""
     return next(iter(lidars_in(folder)), folder)
 
 
-NEXT: dict[str, Callable[[argparse.Namespace], Words]] = {
+# Templates with the names of arguments, or functions of the arguments.
+NEXT: dict[str, str | Callable[[argparse.Namespace], Words]] = {
     "lidars": _lidars,
-    "pictures": _pictures,
+    "pictures": "pyinfra view {data[0]} --out {out}/view.html",
     "view": _view,
     "split": _split,
     "site": _site,
     "sites": _sites,
     "train": _train,
     "detect": _detect,
-    "track": _track,
-    "count": _count,
-    "region": _region,
-    "onnx": _onnx,
-    "statistics": _statistics,
+    "track": "pyinfra count {out} {data} --out {out.parent}/counts",
+    "count": "pyinfra count {tracks} {site} --interval-s 3600 --out {out}",
+    "region": "pyinfra detect {data} --region {out} --out {out.parent}/{out.stem}_boxes",
+    "onnx": "pyinfra benchmark first_look --out {out.parent}/first_look",
+    "statistics": "pyinfra split {data[0]}",
     "validate": _validate,
-    "evaluate": _evaluate,
+    "evaluate": "pyinfra view {gt} --pred {pred} --out {out}/view.html",
     "stress": _stress,
     "compare": _compare,
     "benchmark": _benchmark,
-    "plan": _plan,
+    "plan": "pyinfra benchmark first_look --scene {scene} --out {out}/benchmark",
     "recommend": _recommend,
     "report": _report,
-    "import": _import,
-    "export": _export,
+    "import": "pyinfra validate {out}",
+    "export": "pyinfra validate {data}",
 }

@@ -1,9 +1,9 @@
 """`pyinfra plan SITE --budget 9000 --find 0.9 --within 60 --out DIR`."""
 
 import argparse
-from inspect import signature
 from pathlib import Path
 
+from pyinfra.cli.arguments import arguments_of
 from pyinfra.cli.messages import note, with_options
 from pyinfra.cli.number_option import usd
 from pyinfra.cli.parser import argument, usage
@@ -173,9 +173,7 @@ def run(args: argparse.Namespace) -> int:
         heights_m=tuple(args.heights_m),
         pitches_deg=tuple(args.pitches_deg),
     )
-    asked = {
-        name: value for name, value in vars(args).items() if name in signature(plan).parameters
-    }
+    asked = arguments_of(plan, args)
     result = plan(**asked, grid=grid, progress=lambda line: note(line, args))
     note(f"page: {write_plan_page(result, args.out)}", args)
     for line in result.answer.lines:

@@ -21,7 +21,7 @@ from pyinfra.dataset.windows import WINDOW_M, WINDOW_STEP_M
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
 from pyinfra.metrics.row_selection import ap_name, with_r1000
-from pyinfra.viz.scanning_plots import LINES, MARKERS, STYLE, save
+from pyinfra.viz.scanning_plots import STYLE, handles_of, line_of, save
 
 STYLES: dict[str, dict[str, Any]] = {
     "high": {"facecolor": "#00204d", "hatch": ""},
@@ -181,14 +181,8 @@ def _lidars(
     rows: pd.DataFrame, table: pd.DataFrame
 ) -> Iterator[tuple[str, pd.DataFrame, dict[str, Any]]]:
     """Yields name, rows and style of each LiDAR; the style is the same in every panel."""
-    colours = sns.color_palette("colorblind")
-    for at, name in enumerate(table.lidar.unique()):
-        style = {
-            "color": colours[at % len(colours)],
-            "linestyle": LINES[at % len(LINES)],
-            "marker": MARKERS[at % len(MARKERS)],
-        }
-        yield name, rows[rows.lidar == name], style
+    for name in table.lidar.unique():
+        yield name, rows[rows.lidar == name], line_of(name, table)
 
 
 def _band(ax: Axes, x: Any, low: Any, high: Any, style: dict[str, Any]) -> None:
@@ -208,9 +202,7 @@ def _handles() -> list[Patch]:
 
 
 def _legend(figure: Figure, handles: list[Patch] | None = None) -> Figure:
-    entries: dict[str, Any] = {}
-    for ax in figure.axes:
-        entries |= {label: h for h, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    entries = handles_of(figure)
     if handles is not None:
         entries = {str(handle.get_label()): handle for handle in handles}
     columns = min(4, max(1, int(figure.get_figwidth() / 2.2)))

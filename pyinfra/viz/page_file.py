@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from pyinfra.core.errors import Error
-from pyinfra.core.files import check_output, replacing
+from pyinfra.core.files import check_output, write
 
 
 def check_file(out: Path, begins: bytes = b"<!doctype html") -> None:
@@ -27,6 +27,5 @@ def write_page_file(text: str, out: Path, largest_mb: float, advice: str) -> int
             f"{out}: expected up to {largest_mb:g} MB, got {len(page) / 1e6:.1f} MB; {advice}"
         )
     out.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(out) as beside:
-        beside.write_bytes(page)
+    write(out, page)
     return len(page)

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.boxes import footprints
 from pyinfra.core.errors import Error
 from pyinfra.core.names import suggestion
 from pyinfra.core.public import public
 from pyinfra.dataset import simulation
 from pyinfra.dataset.frame_sequence import SimulatedFrames, roads_of_world
 from pyinfra.dataset.loading import load_scene
-from pyinfra.dataset.surroundings import road_lines, surroundings_of
+from pyinfra.dataset.surroundings import surroundings_of
 from pyinfra.formats.yaml_file import parse_yaml
 from pyinfra.metrics.evaluation_result import Evaluation
 
@@ -52,11 +51,8 @@ def plot_scene(scene: AnyScene, *, ax: Axes | None = None) -> Axes:
     >>> pi.plot_scene("crossroad").get_title()
     'crossroad'
     """
-    from matplotlib.patches import Polygon
-
     from pyinfra.viz.drawn_area import window_around
-    from pyinfra.viz.picture_style import REGION_COLOUR
-    from pyinfra.viz.scene_pictures import BUILDING, ROAD_LINES
+    from pyinfra.viz.scene_pictures import draw_surroundings
 
     if isinstance(scene, SimulatedFrames):
         scene = scene.world
@@ -64,20 +60,14 @@ def plot_scene(scene: AnyScene, *, ax: Axes | None = None) -> Axes:
     top = parse_yaml(world.dump(), "scene")
     around = surroundings_of(top, roads_of_world(world, "roads.csv"))
     ax = _axes(ax, (8, 6))
-    outlines = [r.outline for r in around.roads]
-    for outline in outlines:
-        ax.add_patch(Polygon(outline, color=REGION_COLOUR, zorder=0))
-    for corners in footprints(around.buildings):
-        ax.add_patch(Polygon(corners, **BUILDING, linewidth=0.6, zorder=0.5))
-    for line in road_lines(around):
-        ax.plot(line.xyz[:, 0], line.xyz[:, 1], zorder=1, **ROAD_LINES[line.kind])
+    draw_surroundings(ax, around)
     for mount in top.values("mounts"):
         x, y, yaw_deg = (mount.at(key).number() for key in ("x_m", "y_m", "yaw_deg"))
         yaw = np.radians(yaw_deg)
         tip = (x + ARROW_M * np.cos(yaw), y + ARROW_M * np.sin(yaw))
         ax.annotate("", tip, (x, y), arrowprops={"arrowstyle": "-|>", "color": "black"}, zorder=5)
         ax.plot(x, y, marker="^", color="black", markersize=6, zorder=5)
-    window = window_around(outlines)
+    window = window_around([road.outline for road in around.roads])
     ax.set(aspect="equal", xlim=window.x, ylim=window.y, title=top.at("name").text())
     ax.set(xlabel="x, m", ylabel="y, m")
     return ax

@@ -57,7 +57,7 @@ def points_per_vehicle(table: pd.DataFrame) -> Figure:
         for name, lidar in _lidars(part, table):
             lidar = lidar[lidar.apv > 0]
             middle = (lidar.from_m + lidar.to_m) / 2
-            ax.plot(middle, lidar.apv, label=name, markersize=4, **_line(name, table))
+            ax.plot(middle, lidar.apv, label=name, markersize=4, **line_of(name, table))
             shown = in_chart(lidar.ci_low, part.apv)
             style = {"alpha": 0.2, "color": _colour(name, table)}
             ax.fill_between(middle, lidar.ci_low, lidar.ci_high, shown, **style)
@@ -127,7 +127,9 @@ def lit_share(table: pd.DataFrame) -> Figure:
     figure, axes = _panels(table.preset.unique(), [""], size=(4.2, 3.2))
     for ax, preset, _ in axes:
         for name, lidar in _lidars(table[table.preset == preset], table):
-            ax.plot(lidar.time_s, lidar.lit_percent, label=name, markersize=4, **_line(name, table))
+            ax.plot(
+                lidar.time_s, lidar.lit_percent, label=name, markersize=4, **line_of(name, table)
+            )
         ax.set(
             xscale="log",
             ylim=(0, 102),
@@ -146,7 +148,7 @@ def angular_density(table: pd.DataFrame) -> Figure:
         part = table[(table.axis == axis) & (table.preset == preset) & (table.rays > 0)]
         for name, lidar in _lidars(part, table):
             middle = (lidar.from_deg + lidar.to_deg) / 2
-            ax.plot(middle, lidar.density, label=name, markersize=3, **_line(name, table))
+            ax.plot(middle, lidar.density, label=name, markersize=3, **line_of(name, table))
         ax.set(
             yscale="log", xlabel=names[axis], ylabel="rays per s and square degree", title=preset
         )
@@ -170,7 +172,7 @@ def dots(value: str, label: str, by: str) -> Callable[[pd.DataFrame], Figure]:
                 at = [data_sets.index(p) + shift for p in _data_sets(lidar)]
                 middle = lidar[value]
                 ends = [middle - lidar.ci_low, lidar.ci_high - middle]
-                style = _line(name, table) | {"linestyle": "none"}
+                style = line_of(name, table) | {"linestyle": "none"}
                 ax.errorbar(
                     at, middle, np.nan_to_num(ends).clip(min=0), label=name, capsize=2, **style
                 )
@@ -224,15 +226,16 @@ def _panels(
 
 def _finish(figure: Figure) -> Figure:
     """Adds one legend for all panels."""
-    legends = [ax.get_legend_handles_labels() for ax in figure.axes]
-    labels = {
-        label: handle
-        for handles, names in legends
-        for handle, label in zip(handles, names, strict=True)
-    }
+    labels = handles_of(figure)
     if labels:
         figure.legend(labels.values(), labels.keys(), loc="outside right upper")
     return figure
+
+
+def handles_of(figure: Figure) -> dict[str, Any]:
+    """Returns the legend handles of all panels by label."""
+    drawn = [ax.get_legend_handles_labels() for ax in figure.axes]
+    return {label: handle for pair in drawn for handle, label in zip(*pair, strict=True)}
 
 
 def _lidars(part: pd.DataFrame, table: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
@@ -247,7 +250,8 @@ def _colour(name: str, table: pd.DataFrame) -> Any:
     return colours[list(table.lidar.unique()).index(name) % len(colours)]
 
 
-def _line(name: str, table: pd.DataFrame) -> dict[str, Any]:
+def line_of(name: str, table: pd.DataFrame) -> dict[str, Any]:
+    """Returns the line style of a LiDAR, which is the same in every panel of a table."""
     at = list(table.lidar.unique()).index(name)
     return {
         "color": _colour(name, table),

@@ -22,7 +22,7 @@ from pyinfra.dataset.surroundings import Surroundings, read_surroundings, road_l
 from pyinfra.dataset.world_frame import to_world
 from pyinfra.formats import kitti
 from pyinfra.viz import clouds
-from pyinfra.viz.drawn_area import DrawnArea, window_around
+from pyinfra.viz.drawn_area import window_around
 from pyinfra.viz.picture_style import COLOURS, REGION_COLOUR, STYLE, legend_below
 from pyinfra.viz.plan_marks import draw_north, draw_scale
 
@@ -76,8 +76,7 @@ def plan(scenes: Sequence[Scene]) -> Figure:
 
     LiDARs with the same field of view share a line.
     """
-    outlines = [[r.outline for r in s.around.roads] for s in scenes]
-    windows = [window_around(rings) for rings in outlines]
+    windows = [window_around([road.outline for road in s.around.roads]) for s in scenes]
     widths = [window.shape()[0] for window in windows]
     height = max(window.shape()[1] for window in windows)
     width = 8.5 * (1 + 0.45 * (len(scenes) - 1))  # leaves room for the stations
@@ -87,12 +86,13 @@ def plan(scenes: Sequence[Scene]) -> Figure:
         grid = figure.subplots(1, len(scenes), squeeze=False, width_ratios=widths)[0]
         views: dict[str, dict[str, Any]] = {}
         built = any(len(scene.around.buildings) for scene in scenes)
-        for axes, scene, window, rings in zip(grid, scenes, windows, outlines, strict=True):
-            for ring in rings:
-                axes.add_patch(Polygon(ring, color=REGION_COLOUR, zorder=0))
-            _draw_surroundings(axes, scene)
+        for axes, scene, window in zip(grid, scenes, windows, strict=True):
+            draw_surroundings(axes, scene.around)
+            for road in scene.around.roads:
+                _draw_stations(axes, road, scene)
             _draw_views(axes, scene, views)
-            _draw_scale(axes, window)
+            # The scale bar overlaps neither stations nor circles.
+            draw_scale(axes, window.x[0] + 0.3 * window.shape()[0], window.y[0] + 2.5, SCALE_M)
             axes.set(aspect="equal", xlim=window.x, ylim=window.y, title=scene.name)
             axes.set(xlabel="x (m)", ylabel="y (m)")
             if scene.is_imported:
@@ -108,14 +108,14 @@ def plan(scenes: Sequence[Scene]) -> Figure:
     return figure
 
 
-def _draw_surroundings(axes: Axes, scene: Scene) -> None:
-    """Draws buildings, edges and lane lines of the roads, and their stations."""
-    for corners in footprints(scene.around.buildings):
+def draw_surroundings(axes: Axes, around: Surroundings) -> None:
+    """Draws the evaluation region, buildings, and edges and lane lines of the roads."""
+    for road in around.roads:
+        axes.add_patch(Polygon(road.outline, color=REGION_COLOUR, zorder=0))
+    for corners in footprints(around.buildings):
         axes.add_patch(Polygon(corners, **BUILDING, linewidth=0.6, zorder=0.5))
-    for line in road_lines(scene.around):
+    for line in road_lines(around):
         axes.plot(line.xyz[:, 0], line.xyz[:, 1], zorder=1, **ROAD_LINES[line.kind])
-    for road in scene.around.roads:
-        _draw_stations(axes, road, scene)
 
 
 def _draw_stations(axes: Axes, road: Road, scene: Scene) -> None:
@@ -166,8 +166,3 @@ def _draw_views(axes: Axes, scene: Scene, styles: dict[str, dict[str, Any]]) -> 
             arrow = {"arrowstyle": "-|>", "color": "black", "linewidth": 1.0, "shrinkA": 0}
             axes.annotate("", tip, foot, arrowprops=arrow, zorder=5)
             axes.plot(*foot, marker="^", color="black", markersize=5, zorder=5)
-
-
-def _draw_scale(axes: Axes, window: DrawnArea) -> None:
-    """Draws a scale bar at the lower edge, where it overlaps neither stations nor circles."""
-    draw_scale(axes, window.x[0] + 0.3 * window.shape()[0], window.y[0] + 2.5, SCALE_M)

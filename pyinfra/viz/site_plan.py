@@ -115,15 +115,21 @@ def plan(folder: Path, radius_m: float | None = None) -> Figure:
                 Circle((tree["x_m"], tree["y_m"]), 2.5, color=COLOURS["vegetation"], zorder=4)
             )
         features = read_features(folder)
-        _draw_features(axes, features)
+        for kind, xy in features.items():
+            axes.plot(*xy.T, linestyle="none", zorder=5, **_look(kind))
         for name, mount in scene["mounts"].items():
             _draw_pole(axes, name, mount)
-        _draw_scale(axes, low, float(width))
+        metres = max((s for s in SCALES_M if s < width / 4), default=SCALES_M[0])
+        draw_scale(axes, float(low[0]) + 5, float(low[1]) + 5, metres)
         draw_north(axes)
         axes.set(aspect="equal", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
         axes.set(title=scene["name"], xlabel="x, east (m)", ylabel="y, north (m)")
         handles = [Patch(color=COLOURS[m], label=m) for m in dict.fromkeys(used) if m != "terrain"]
-        legend_below(figure, [*handles, *_handles_of(features)])
+        marks = [
+            Line2D([], [], linestyle="none", label=kind.replace("_", " "), **_look(kind))
+            for kind in features
+        ]
+        legend_below(figure, [*handles, *marks])
     return figure
 
 
@@ -180,18 +186,6 @@ def read_features(folder: Path) -> dict[str, FloatArray]:
         ) from error
 
 
-def _draw_features(axes: Axes, features: dict[str, FloatArray]) -> None:
-    for kind, points in features.items():
-        axes.plot(*points.T, linestyle="none", zorder=5, **_look(kind))
-
-
-def _handles_of(features: dict[str, FloatArray]) -> list[Line2D]:
-    return [
-        Line2D([], [], linestyle="none", label=kind.replace("_", " "), **_look(kind))
-        for kind in features
-    ]
-
-
 def _look(kind: str) -> dict[str, Any]:
     marker, colour = MARKERS.get(kind, (".", "#555555"))
     return {"marker": marker, "color": colour, "markersize": 4, "markeredgewidth": 0.8}
@@ -204,8 +198,3 @@ def _draw_pole(axes: Axes, name: str, mount: dict[str, float]) -> None:
     axes.annotate("", tip, (x, y), arrowprops=arrow, zorder=6)
     axes.plot(x, y, marker="^", color="#C00000", markersize=5, zorder=6)
     axes.annotate(name, (x, y), (5, -9), textcoords="offset points", fontsize=7, zorder=6)
-
-
-def _draw_scale(axes: Axes, low: FloatArray, width: float) -> None:
-    metres = max((s for s in SCALES_M if s < width / 4), default=SCALES_M[0])
-    draw_scale(axes, float(low[0]) + 5, float(low[1]) + 5, metres)

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from pyinfra.experiments.stress.stressors import STRESSORS, Stressor
 from pyinfra.experiments.stress.summary import curves
 from pyinfra.metrics.row_selection import ap_name, with_r1000
-from pyinfra.viz.scanning_plots import LINES, MARKERS, STYLE, save
+from pyinfra.viz.scanning_plots import LINES, MARKERS, STYLE, handles_of, save
 
 ACROSS = 4
 UNITS = {"1/km": "extinction, 1/km", "times": "factor on the scene's value", "name": ""}
@@ -50,8 +50,7 @@ def stress(table: pd.DataFrame) -> Figure:
             ax.set_ylabel(ap_name(with_r1000(table)))
         for ax in axes.flat[len(names) :]:
             ax.remove()
-        drawn = [ax.get_legend_handles_labels() for ax in figure.axes]
-        handles = {label: handle for pair in drawn for handle, label in zip(*pair, strict=True)}
+        handles = handles_of(figure)
         shown = [handles[name] for name in styles]
         figure.legend(shown, styles, loc="outside lower center", ncols=len(styles), frameon=False)
     return figure

@@ -15,11 +15,8 @@ import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.vocabulary import SUBSETS
-from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions
 from pyinfra.dataset.frames import frame_numbers
-from pyinfra.dataset.runs import infrasim
-from pyinfra.experiments.benchmark.frames import split_by_time
 from pyinfra.experiments.benchmark.matrix import Parts
 from pyinfra.formats import kitti
 from pyinfra.metrics import ap
@@ -29,11 +26,10 @@ from pyinfra.metrics.match_results import count_matches
 from pyinfra.metrics.prediction_checks import find_files
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
-from pyinfra.models.training.recipe import read_recipe
-from pyinfra.models.training.sources import read_source
-from pyinfra.models.training.train import train
-from reproduction import ROOT, provenance
+from reproduction import provenance
 from reproduction.arguments import Out, Work, command
+from reproduction.simulate import simulate
+from reproduction.train_detector import train_detector
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -44,21 +40,13 @@ LONG_TEST = Parts(train_until_s=90, val_from_s=100)
 
 
 def simulated(scene: str, work: Path) -> Path:
-    lidars = [lidar_file(name) for name in LIDARS]
-    words = ["--preset", "paper", "--frames", "0:5000:5"]
-    infrasim("run", scene_file(scene), "--lidar", *lidars, *words, "--out", work / scene)
-    split_by_time(work / scene, LONG_TEST)
-    return work / scene
+    options = {"preset": "paper", "frames": "0:5000:5"}
+    return simulate(scene, LIDARS, work / scene, parts=LONG_TEST, **options)
 
 
 def predictions(folder: Path) -> Path:
     run = folder.parent / f"{folder.name}_run"
-    train(
-        read_recipe(ROOT / "configs/detectors/background.yaml", "quick"),
-        [read_source(folder, "quick")],
-        run,
-        quiet=True,
-    )
+    train_detector("background", folder, run, seed=1)
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     detect.detect(detect.load_detector(run), files, run / "predictions")
     return run / "predictions"

@@ -15,6 +15,7 @@ from pyinfra.viz import clouds
 from pyinfra.viz.pattern_picture import draw_patterns
 from reproduction.arguments import command
 from reproduction.hit_points import PRESET, hit_table, table_text, write_table
+from reproduction.simulate import simulate
 
 # part of the simulator's error message for a folder that was written with another configuration
 ANOTHER_RUN = "holds another run"
@@ -45,16 +46,7 @@ def main(*, out: Path = Path("out/demo"), frames: str = "0:3") -> None:
     for scene, folder in zip(scenes, data, strict=True):
         progress(f"frames {frames} of {scene.stem}")
         try:
-            words: list[str | Path] = [
-                "--preset",
-                PRESET,
-                "--frames",
-                frames,
-                "--out",
-                folder,
-                "--fields",
-            ]
-            infrasim("run", scene, "--lidar", *lidars, *words)
+            simulate(scene, lidars, folder, preset=PRESET, frames=frames, fields=True)
         except SimulatorError as error:
             if ANOTHER_RUN not in str(error):
                 raise

@@ -137,12 +137,11 @@ def main(
     only_errors : only compute the errors at unseen sites again, from the recorded tables
     """
     warnings.simplefilter("ignore")
+    plain = json.loads(laws.FILE.read_text(encoding="utf-8"))
     if only_errors:
-        plain = json.loads(laws.FILE.read_text(encoding="utf-8"))
         write(out, with_errors(plain, pd.read_csv(ROOT / "results/detectability.csv")))
         return
     if only_latency:
-        plain = json.loads(laws.FILE.read_text(encoding="utf-8"))
         first = next(iter(fit_runs(1)))
         for detector, law in plain.items():
             law |= timed(first, detector, frames, work)
@@ -156,8 +155,6 @@ def main(
         return
     if fitted:
         plain = fit_all(fitted, frames, work)
-    else:
-        plain = json.loads(laws.FILE.read_text(encoding="utf-8"))
     made_by = provenance(f"detectability --fit {fit} --check {check} --frames {frames}")
     tables = check_tables(checked, plain, frames, work)
     if fitted:

@@ -15,7 +15,6 @@ with the next site. The command writes out/detector_goals.csv:
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -28,7 +27,6 @@ from pyinfra.core.files import replacing
 from pyinfra.core.vocabulary import ObjectClass
 from pyinfra.dataset.regions import Region
 from pyinfra.metrics import intervals, matching
-from pyinfra.metrics.ap import average_precision, rank
 from pyinfra.models.detectors import Detections
 from pyinfra.models.detectors.classes import TYPES
 from pyinfra.models.detectors.fuse_batchnorm import fused
@@ -38,7 +36,7 @@ from pyinfra.models.training import checkpoint
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
 from reproduction.commands import frozen_sites
-from reproduction.commands.unseen import CLASSES, CUT, FINE, REPLICATES, scored_boxes
+from reproduction.commands.unseen import CLASSES, CUT, REPLICATES, Boxes, scored_boxes
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -54,20 +52,6 @@ KINDS: dict[str, tuple[tuple[ObjectClass, ...], matching.Metric, float]] = {
     QUEUES: (("vehicle",), "bev", 0.5),
 }
 MOST = {"ap_r1000": 100.0, "false_per_frame": np.inf}  # largest value of a figure, if not 1
-
-
-@dataclass(frozen=True, eq=False)
-class Matches:
-    """Boxes of one kind in all frames of some sites.
-
-    For `vehicle in a queue` they are the objects: `right` is whether each is found.
-    """
-
-    slot: IntArray  # (n,) index of the site
-    scores: FloatArray  # (n,)
-    right: BoolArray  # (n,)
-    objects: IntArray  # (sites,)
-    frames: IntArray  # (sites,)
 
 
 def in_frame(
@@ -129,8 +113,11 @@ def matches_file(work: Path, name: str, number: int, digest: str, frames: int) -
     return work / f"{name}_{number}_{frames}_{digest}.npz"
 
 
-def gathered(files: Sequence[Path], kind: str) -> Matches:
-    """Returns the matches of a kind at all sites, from one file per site."""
+def gathered(files: Sequence[Path], kind: str) -> Boxes:
+    """Returns the boxes of a kind at all sites, from one file per site.
+
+    For `vehicle in a queue` they are the objects: `right` is whether each is found.
+    """
     slots, scores, right, counts = [], [], [], []
     for number, file in enumerate(files):
         with np.load(file, allow_pickle=False) as data:
@@ -140,33 +127,27 @@ def gathered(files: Sequence[Path], kind: str) -> Matches:
             slots.append(np.full(len(scores[-1]), number))
     objects, frames = np.stack(counts).T
     slot, score, is_right = (np.concatenate(column) for column in (slots, scores, right))
-    return Matches(slot, score, is_right, objects, frames)
+    return Boxes(slot, score, is_right, objects, frames)
 
 
-def figures(matches: Matches, kind: str, weights: IntArray) -> dict[str, FloatArray]:
+def figures(matches: Boxes, kind: str, weights: IntArray) -> dict[str, FloatArray]:
     """Returns the figures of a kind for weights (replicates, sites): (replicates,) each."""
-    slot, right, scores = matches.slot, matches.right, matches.scores
-    sites = len(matches.objects)
-
-    def total(mask: BoolArray) -> FloatArray:
-        return np.asarray(weights @ np.bincount(slot[mask], minlength=sites), np.float64)
-
     if kind == QUEUES:
         objects = (weights @ matches.objects).astype(np.float64)
+        found = weights @ np.bincount(matches.slot[matches.right], minlength=weights.shape[1])
         none = np.full(len(objects), np.nan)  # replicates without an object
-        return {"recall": np.divide(total(right), objects, out=none, where=objects > 0)}
-    false = total(~right & (scores >= CUT)) / (weights @ matches.frames)
+        return {"recall": np.divide(found, objects, out=none, where=objects > 0)}
+    false = matches.false_per_frame(weights)
     if kind == ANYWHERE:
         return {"false_per_frame": false}
-    ranked = rank(scores, right, matches.objects, slot)
     return {
-        "ap_r1000": average_precision(ranked, FINE, weights),
+        "ap_r1000": matches.ap(weights),
         "recall_at_half": recalls_at_half(matches, weights),
         "false_per_frame": false,
     }
 
 
-def recalls_at_half(matches: Matches, weights: IntArray) -> FloatArray:
+def recalls_at_half(matches: Boxes, weights: IntArray) -> FloatArray:
     """Returns the highest recall at a precision of 0.5 or more, for each row of weights."""
     order = np.argsort(-matches.scores, kind="stable")
     slot, right = matches.slot[order], matches.right[order]

@@ -19,9 +19,7 @@ import pandas as pd
 import torch
 
 from pyinfra.core.arrays import Points
-from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.frames import frame_numbers
-from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store
 from pyinfra.formats import kitti
 from pyinfra.models.detectors import Detector
@@ -31,6 +29,7 @@ from pyinfra.models.inference import detect
 from pyinfra.models.onnx.detector import OnnxDetector
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
+from reproduction.simulate import simulate
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -140,10 +139,10 @@ def rows_of(folder: Path) -> Iterator[dict[str, object]]:
 def simulated(scene: str, lidar: str, work: Path) -> Path:
     """Simulates the frames of a scene; returns the folder of the LiDAR or of the fused LiDARs."""
     is_fused = scene == FUSED_SCENE
-    words = ["--preset", "datasheet", "--label-time", "scan", "--frames", FRAMES]
-    words += ["--fuse"] if is_fused else []
-    out = work / f"{scene}_{lidar}"
-    infrasim("run", scene_file(scene), "--lidar", lidar_file(lidar), *words, "--out", str(out))
+    out = simulate(
+        scene, [lidar], work / f"{scene}_{lidar}", preset="datasheet", label_time="scan",
+        frames=FRAMES, fuse=is_fused,
+    )  # fmt: skip
     return out / FUSED / lidar if is_fused else out / lidar
 
 

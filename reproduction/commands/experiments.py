@@ -29,17 +29,16 @@ from typing import Annotated
 
 import pandas as pd
 
-from pyinfra.core.files import held, replacing
+from pyinfra.core.files import held, write
 from pyinfra.core.vocabulary import SUBSETS, LabelTime, Preset, Tier
 from pyinfra.dataset import split
-from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.data_set import read_data_set
-from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store
 from pyinfra.experiments.stress import lidar as lidar_keys
 from reproduction import provenance, shared_frames
 from reproduction.arguments import Out, Work, command
 from reproduction.measures import rows_of_test
+from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
@@ -131,18 +130,17 @@ def simulated(
     not spin are left out if it is not 0.
     """
     folder = work / "data" / f"{replicate.name}_{seed}"
-    lidars = [lidar_file(name) for name in replicate.lidars]
+    lidars: Sequence[str | Path] = replicate.lidars
     if cut_angle_deg:
         unturned = [simulated(replicate, seed, frames, work) / name for name in replicate.lidars]
         folder = folder.with_name(f"{folder.name}_cut_{cut_angle_deg}")
         lidars = turned(unturned, cut_angle_deg, folder.with_name(f"{folder.name}_lidars"))
-    words = ["--preset", replicate.preset, "--label-time", replicate.label_time]
-    words += ["--seed", str(seed), "--frames", frames, "--threads", "1", "--out", str(folder)]
-    if not replicate.at_catalogue_law:
-        words += ["--law-exponent", str(replicate.law_exponent)]
+    exponent = None if replicate.at_catalogue_law else replicate.law_exponent
     with held(folder.with_name(f"{folder.name}.lock"), wait=True):
-        infrasim("run", scene_file(replicate.scene), "--lidar", *lidars, *words)
-    return folder
+        return simulate(
+            replicate.scene, lidars, folder, preset=replicate.preset, seed=seed, frames=frames,
+            label_time=replicate.label_time, threads=1, law_exponent=exponent,
+        )  # fmt: skip
 
 
 def turned(lidars: Sequence[Path], degrees: int, folder: Path) -> list[Path]:
@@ -152,8 +150,7 @@ def turned(lidars: Sequence[Path], degrees: int, folder: Path) -> list[Path]:
     for lidar in lidars:
         if lidar_keys.spins(lidar_keys.read(lidar / lidar_keys.FILE)):
             file = folder / f"{lidar.name}.yaml"
-            with replacing(file) as beside:
-                beside.write_text(lidar_keys.text(lidar / lidar_keys.FILE, [degrees]))
+            write(file, lidar_keys.text(lidar / lidar_keys.FILE, [degrees]))
             files.append(file)
     return files
 

@@ -16,6 +16,7 @@ import yaml
 
 from pyinfra.core.vocabulary import KM_H
 from pyinfra.dataset import simulation
+from pyinfra.dataset.catalogue import lidar_file, scene_file
 from reproduction import RECORDED, ROOT, provenance
 from reproduction.arguments import Out, command
 
@@ -37,10 +38,6 @@ PART_MODELS = {value: dict(parts_of(value)) for value in SETTINGS["parts"]}
 BINS = [10, 20, 40, 60, 80, 100]
 
 
-def lidar_file(name: str) -> Path:
-    return ROOT / "configs" / "lidars" / f"{name}.yaml"
-
-
 def objects(world: simulation.World, lidars: list[simulation.Lidar], frames: range) -> pd.DataFrame:
     """Returns a row for each vehicle, frame and LiDAR.
 
@@ -55,8 +52,7 @@ def objects(world: simulation.World, lidars: list[simulation.Lidar], frames: ran
 
 
 def scene(name: str, preset: str = "datasheet", **overrides: object) -> simulation.World:
-    file = ROOT / "configs" / "scenes" / f"{name}.yaml"
-    return simulation.load_scene(file, preset=preset, set=overrides)
+    return simulation.load_scene(scene_file(name), preset=preset, set=overrides)
 
 
 def seen(table: pd.DataFrame) -> pd.DataFrame:

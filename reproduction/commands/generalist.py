@@ -29,12 +29,9 @@ import yaml
 
 from pyinfra.core.version import __version__, machine
 from pyinfra.core.vocabulary import Tier
-from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.dataset.frames import frame_numbers
-from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store
-from pyinfra.experiments.benchmark.frames import split_by_time
 from pyinfra.experiments.benchmark.matrix import Parts
 from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import match_results_of
@@ -52,6 +49,7 @@ from pyinfra.scenes.generator.generate import make_site
 from reproduction import ROOT
 from reproduction.arguments import Out, Work, command
 from reproduction.commands.frozen_sites import HELD_OUT
+from reproduction.simulate import simulate
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -103,23 +101,20 @@ def experiments_of_trial(seeds: int) -> Iterator[Experiment]:
 
 def simulated(experiment: Experiment, work: Path) -> Path:
     """Simulates an experiment's frames, splits them by time and returns the LiDAR's folder."""
-    scene = (
-        scene_file(experiment.site)
-        if experiment.site in SCENES
-        else work / f"{experiment.site}.yaml"
-    )
+    scene: str | Path = experiment.site
     if experiment.site not in SCENES:
         work.mkdir(parents=True, exist_ok=True)
         keys = make_site(int(experiment.site.split("_")[-1])) | {
             "duration_s": 500.0,
             "name": experiment.site,
         }
+        scene = work / f"{experiment.site}.yaml"
         scene.write_text(yaml.safe_dump(keys))
-    words = ["--preset", experiment.preset, "--seed", str(experiment.seed), "--label-time", "scan"]
-    words += ["--frames", FRAMES, "--out", str(work / experiment.name), "--threads", "1"]
-    infrasim("run", scene, "--lidar", lidar_file(experiment.lidar), *words)
-    split_by_time(work / experiment.name, Parts())
-    return work / experiment.name / experiment.lidar
+    made = simulate(
+        scene, [experiment.lidar], work / experiment.name, parts=Parts(), preset=experiment.preset,
+        seed=experiment.seed, label_time="scan", frames=FRAMES, threads=1,
+    )  # fmt: skip
+    return made / experiment.lidar
 
 
 def shows_vehicles(folder: Path) -> bool:

@@ -29,8 +29,6 @@ from torch.profiler import ProfilerActivity, profile
 
 from pyinfra.core.version import machine
 from pyinfra.core.vocabulary import Tier
-from pyinfra.dataset.catalogue import lidar_file, scene_file
-from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store
 from pyinfra.models.detectors.detection_area import Site, site_of
 from pyinfra.models.detectors.fuse_batchnorm import fused
@@ -43,6 +41,7 @@ from pyinfra.models.training.sources import on_road, read_source
 from pyinfra.models.training.validation import average_precision
 from reproduction import ROOT, provenance
 from reproduction.arguments import Out, Work, command
+from reproduction.simulate import simulate
 from reproduction.tables.gpu import AP_STEPS, DETECTORS
 
 Part = Literal["batches", "rates", "latency", "ap", "settings"]
@@ -56,14 +55,17 @@ WARM_UP, PROFILED = 6, 5  # steps before the measurement, and steps whose kernel
 LONGEST = 8  # kernels that are printed
 KEY = ["device", "detector", "tier", "setting", "measure"]
 
+# The precision and the changed fields of the pace, by the name of the setting.
+Rates = dict[str, tuple[Precision, dict[str, bool]]]
+ON_CPU: Rates = {"float32": ("float32", {})}  # few CPUs multiply matrices of 16 bits
 # `pyinfra train` on a GPU uses `tf32` or, with --precision bfloat16, `bfloat16`.
-RATES: dict[str, tuple[Precision, dict[str, bool]]] = {
+RATES: Rates = {
     "tf32": ("float32", {"tf32": True}),
     "bfloat16": ("bfloat16", {"tf32": True}),
     "float32": ("float32", {"tf32": False}),
 }
 # Other settings than the default, of which a GPU may be faster with some.
-SETTINGS: dict[str, tuple[Precision, dict[str, bool]]] = {
+SETTINGS: Rates = {
     "tuned": ("float32", {"tf32": True, "tuned": True}),
     "bfloat16 tuned": ("bfloat16", {"tf32": True, "tuned": True}),
     "compiled": ("float32", {"tf32": True, "tuned": True, "compiled": True}),
@@ -137,18 +139,10 @@ def batches(bench: Bench) -> None:
         bench.write("full", f"{workers} workers", "batches_per_s", count / spent)
 
 
-def rates(bench: Bench) -> None:
-    """Measures steps per second with 32 and with 16 bits."""
-    if bench.device.type == "cpu":  # few CPUs multiply matrices of 16 bits
-        attempt(bench, "float32", partial(rate, bench, "float32", "float32", {}))
-        return
-    for name, (precision, changes) in RATES.items():
-        attempt(bench, name, partial(rate, bench, name, precision, changes))
-
-
-def settings(bench: Bench) -> None:
-    """Measures steps per second with the settings that are not the default."""
-    for name, (precision, changes) in SETTINGS.items():
+def rates(bench: Bench, chosen: Rates | None = None) -> None:
+    """Measures steps per second with each setting, by default with 32 and with 16 bits."""
+    default = ON_CPU if bench.device.type == "cpu" else RATES
+    for name, (precision, changes) in (chosen or default).items():
         attempt(bench, name, partial(rate, bench, name, precision, changes))
 
 
@@ -327,7 +321,7 @@ MEASURES: dict[Part, Callable[[Bench], None]] = {
     "rates": rates,
     "latency": latency,
     "ap": ap,
-    "settings": settings,
+    "settings": partial(rates, chosen=SETTINGS),
 }
 
 
@@ -345,8 +339,7 @@ def simulated(work: Path) -> Path:
     """Returns the folder of the LiDAR's frames, which are simulated if they do not exist."""
     data = work / "frames"
     if not (data / LIDAR).is_dir():
-        words = ("--preset", PRESET, "--seed", str(SEED), "--frames", FRAMES, "--out", str(data))
-        infrasim("run", scene_file(SCENE), "--lidar", lidar_file(LIDAR), *words)
+        simulate(SCENE, [LIDAR], data, preset=PRESET, seed=SEED, frames=FRAMES)
     return data / LIDAR
 
 

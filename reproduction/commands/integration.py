@@ -19,15 +19,14 @@ import pandas as pd
 
 from pyinfra.core.files import held
 from pyinfra.dataset import split
-from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.data_set import read_data_set
-from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store
 from pyinfra.models.training.accumulation import Accumulation
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
 from reproduction.commands.experiments import TRAIN_SEEDS_FROM
 from reproduction.measures import rows_of_test
+from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
@@ -68,13 +67,13 @@ def simulated(speed_km_h: int, seed: int, step: int, work: Path) -> Path:
     folder = work / "data" / f"{speed_km_h}_{seed}"
     labelled = range(FIRST, END, step)
     neighbours = sorted({k - FIRST for stack in STACKS for k in stack.around(FIRST)})
-    words = ["--preset", PRESET, "--seed", str(seed), "--threads", "1", "--out", str(folder)]
-    words += ["--set", f"traffic.speed.mean_km_h={speed_km_h}"]
     with held(folder.with_name(f"{folder.name}.lock"), wait=True):
         for k in neighbours:
-            frames = f"{FIRST + k}:{END + k}:{step}"
-            lidars = [lidar_file(name) for name in LIDARS]
-            infrasim("run", scene_file(SCENE), "--lidar", *lidars, *words, "--frames", frames)
+            simulate(
+                SCENE, LIDARS, folder, preset=PRESET, seed=seed, threads=1,
+                frames=f"{FIRST + k}:{END + k}:{step}",
+                set=[f"traffic.speed.mean_km_h={speed_km_h}"],
+            )  # fmt: skip
         split.write(read_data_set(folder), split.Split(tuple(labelled), ()))
     return folder
 

@@ -19,12 +19,9 @@ from typing import Annotated, Any
 
 import pandas as pd
 
-from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.dataset.frames import frame_numbers
-from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store
-from pyinfra.experiments.benchmark.frames import split_by_time
 from pyinfra.experiments.benchmark.matrix import Parts
 from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import evaluated
@@ -33,6 +30,7 @@ from pyinfra.models.inference import detect
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
 from reproduction.report.ladder import SETTINGS
+from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
@@ -77,11 +75,11 @@ def parts_of(value: str) -> dict[str, bool]:
 
 
 def assignments(model: dict[str, str]) -> list[str]:
-    """Returns the command-line words that set a model's scene keys with `--set`."""
+    """Returns KEY=VALUE words that set a model's scene keys."""
     settings = {name: model[name] for name in ("detail", "aggregation", "label_time")}
     settings |= {key: str(on).lower() for key, on in parts_of(model["parts"]).items()}
     settings |= {"vegetation": "[]"} if model["vegetation"] == "none" else {}
-    return [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
+    return [f"{key}={value}" for key, value in settings.items()]
 
 
 def simulated(
@@ -90,12 +88,11 @@ def simulated(
     """Simulates a model; returns the CPU milliseconds per frame for all LiDARs together."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     frames = int(model["frames"])
-    lidars = [lidar_file(name) for name in names]
-    words = ["--frames", f"0:{ALL_FRAMES}:{ALL_FRAMES // frames}", "--threads", "1"]
-    words += ["--preset", preset, "--seed", str(seed), *assignments(model)]
-    infrasim("run", scene_file("highway"), "--lidar", *lidars, *words, "--out", folder)
+    simulate(
+        "highway", names, folder, parts=Parts(), frames=f"0:{ALL_FRAMES}:{ALL_FRAMES // frames}",
+        threads=1, preset=preset, seed=seed, set=assignments(model),
+    )  # fmt: skip
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    split_by_time(folder, Parts())
     return 1000 * (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime) / frames
 
 

@@ -20,10 +20,8 @@ import torch
 import pyinfra as pi
 from pyinfra.core.arrays import Points
 from pyinfra.core.config import from_plain
-from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frames import frame_numbers
-from pyinfra.dataset.runs import infrasim
 from pyinfra.dataset.split import by_time, write
 from pyinfra.experiments import store
 from pyinfra.formats import kitti
@@ -40,6 +38,7 @@ from pyinfra.models.onnx.detector import session_of
 from pyinfra.models.training import checkpoint
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
+from reproduction.simulate import simulate
 
 FRAMES = "0:5000:20"
 
@@ -120,11 +119,7 @@ def rows_of(run: Path, folder: Path) -> Iterator[dict[str, object]]:
 
 
 def simulated(lidar: str, work: Path) -> Path:
-    out = work / lidar
-    infrasim(
-        *("run", scene_file("highway"), "--lidar", lidar_file(lidar), "--preset", "datasheet"),
-        *("--frames", FRAMES, "--out", str(out)),
-    )
+    out = simulate("highway", [lidar], work / lidar, preset="datasheet", frames=FRAMES)
     data = read_data_set(out)
     write(data, by_time(data.frames, data.period_s), force=True)
     return out / lidar

@@ -24,7 +24,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from torch import Tensor
 
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.vocabulary import VEHICLES, ObjectClass
@@ -143,17 +142,6 @@ def line_of(experiments: list[ScoredBoxes], name: ObjectClass) -> tuple[float, f
         raise ValueError(f"{name}: {error}") from None
 
 
-def halved(weights: dict[str, Tensor]) -> dict[str, Tensor]:
-    """Returns the weights of layers in half precision and of norms in full precision.
-
-    Norms have values outside the range of half precision.
-    """
-    return {
-        f"network.{name}": tensor.half() if tensor.ndim > 1 else tensor
-        for name, tensor in weights.items()
-    }
-
-
 def figures_of(table: pd.DataFrame) -> dict[str, float]:
     """Returns the mean precision and recall over sites and LiDARs.
 
@@ -211,5 +199,10 @@ def main() -> None:
         calibration=line,
         figures={"cut": CUT, "sites": args.sites, **figures},
     )
-    checkpoint.write(args.out, halved(loaded.weights()), described)
+    # Norms have values outside the range of half precision.
+    weights = {
+        f"network.{name}": tensor.half() if tensor.ndim > 1 else tensor
+        for name, tensor in loaded.weights().items()
+    }
+    checkpoint.write(args.out, weights, described)
     print(f"{args.out}: {args.out.stat().st_size / 1e6:.2f} MB, {line}, {figures}")

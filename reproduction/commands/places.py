@@ -23,11 +23,10 @@ from typing import Annotated
 
 import pandas as pd
 
-from pyinfra.dataset.catalogue import lidar_file
-from pyinfra.dataset.runs import infrasim
 from pyinfra.metrics.places import compare_places
 from reproduction import ROOT, provenance
 from reproduction.arguments import Out, Work, command
+from reproduction.simulate import simulate
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -64,11 +63,10 @@ def pyinfra(*words: object) -> None:
 def evaluate(lidar: str, run: str, seed: int, work: Path) -> None:
     """Simulates a run and evaluates each of its positions into `work/out/LIDAR/PLACE/SEED`."""
     keys, places = RUNS[run]
-    data = work / "data" / lidar / f"{run}_{seed}"
-    words = ["--frames", FRAMES, "--seed", str(seed), "--out", str(data)]
-    words += [word for key, value in keys.items() for word in ("--set", f"mounts.{key}={value}")]
-    words += ["--fuse"] if len(places) > 1 else []
-    infrasim("run", scene(work), "--lidar", lidar_file(lidar), *words)
+    data = simulate(
+        scene(work), [lidar], work / "data" / lidar / f"{run}_{seed}", frames=FRAMES, seed=seed,
+        set=[f"mounts.{key}={value}" for key, value in keys.items()], fuse=len(places) > 1,
+    )  # fmt: skip
     for place, folder in places.items():
         gt, predictions = data / folder / lidar, work / "runs" / lidar / f"{place}_{seed}"
         out = work / "out" / lidar / place / str(seed)

@@ -22,10 +22,9 @@ import pandas as pd
 import yaml
 
 from pyinfra.core.files import held
-from pyinfra.dataset.catalogue import lidar_file, scene_file
+from pyinfra.dataset.catalogue import scene_file
 from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.dataset.frames import frame_numbers
-from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store
 from pyinfra.experiments.stress import altered_scenes
 from pyinfra.experiments.stress.score import as_predictions, box_errors
@@ -39,6 +38,7 @@ from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
 from reproduction import provenance, shared_frames
 from reproduction.arguments import Out, Work, command
+from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
@@ -91,7 +91,7 @@ def simulated(lidar: str, poles: int, seed: int, work: Path, error: Error | None
     folder = (out if poles == 1 else out / "fused") / lidar
     with held(work / f"{out.name}.lock", wait=True):
         if not (done := out / "done").is_file():
-            simulate(out, lidar, poles, seed, error)
+            run_simulator(out, lidar, poles, seed, error)
             (folder / "ImageSets").mkdir(exist_ok=True)
             for part in ("train", "val") if error else ("train",):
                 numbers = "".join(f"{k:06d}\n" for k in kitti.frames(folder))
@@ -100,20 +100,18 @@ def simulated(lidar: str, poles: int, seed: int, work: Path, error: Error | None
     return folder
 
 
-def simulate(out: Path, lidar: str, poles: int, seed: int, error: Error | None) -> None:
+def run_simulator(out: Path, lidar: str, poles: int, seed: int, error: Error | None) -> None:
     """Runs the simulator; the fused frames of several poles replace those of each pole."""
     mounts = MOUNTS[poles]
     keys = yaml.safe_load(scene_file(SCENE).read_text("utf-8"))
     keys["mounts"] = {name: keys["mounts"][name] | {"own_random_stream": True} for name in mounts}
     scene = out.parent / f"{out.name}.yaml"
     scene.write_text(yaml.safe_dump(keys, sort_keys=False))
-    words = ["--frames", TEST_FRAMES if error else TRAINING_FRAMES, "--threads", "1"]
-    words += ["--seed", str(seed)]
-    words += ["--fuse"] if poles > 1 else []
     changes = [f"duration_s={TEST_S}", *error.assignments(keys["mounts"])] if error else []
-    words += ["--set", *changes] if changes else []
-    infrasim("run", scene, "--lidar", lidar_file(lidar), "--out", out, *words)
-    for mount in mounts if poles > 1 else ():
+    frames = TEST_FRAMES if error else TRAINING_FRAMES
+    fuse = poles > 1
+    simulate(scene, [lidar], out, frames=frames, threads=1, seed=seed, fuse=fuse, set=changes)
+    for mount in mounts if fuse else ():
         shutil.rmtree(out / mount)
 
 

@@ -16,10 +16,7 @@ from typing import Annotated
 
 import pandas as pd
 
-from pyinfra.dataset.catalogue import scene_file
 from pyinfra.dataset.frames import frame_numbers
-from pyinfra.dataset.runs import infrasim
-from pyinfra.experiments.benchmark.frames import split_by_time
 from pyinfra.experiments.benchmark.matrix import Parts
 from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import evaluated
@@ -28,6 +25,7 @@ from pyinfra.models.inference import detect
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
 from reproduction.commands.rungs import FOUR, RUNGS, changed_file
+from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
@@ -40,9 +38,8 @@ def simulated(rung: str, seed: int, folder: Path) -> None:
     """Writes the frames of all LiDARs of a rung."""
     with tempfile.TemporaryDirectory() as configs:
         files = [changed_file(name, rung, Path(configs)) for name in FOUR]
-        words = ["--frames", FRAMES, "--preset", "datasheet", "--seed", str(seed)]
-        infrasim("run", scene_file("highway"), "--lidar", *files, *words, "--out", folder)
-    split_by_time(folder, Parts())
+        options = {"frames": FRAMES, "preset": "datasheet", "seed": seed}
+        simulate("highway", files, folder, parts=Parts(), **options)
 
 
 def average_precision(folder: Path, detector: str, seed: int) -> float:

@@ -17,13 +17,12 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.core.vocabulary import PRESETS, Preset
-from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.data_set import read_data_set
-from pyinfra.dataset.runs import infrasim
 from pyinfra.metrics.comparison import over_replicates
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
 from reproduction.claims.scanning import AVIA, SPINNING, Row, claims_of, columns_of, never
+from reproduction.simulate import simulate
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
 
@@ -36,11 +35,10 @@ def rows_of_seed(preset: Preset, seed: int, frames: str, work: Path) -> list[Row
     sets = []
     for aggregation in ("exact", "instant"):
         folder = work / f"{preset}_{seed}_{aggregation}"
-        words = ["--preset", preset, "--seed", str(seed), "--frames", frames]
-        words += ["--aggregation", aggregation, "--out", str(folder)]
-        words += ["--set", f"region_half_length_m={REGION_HALF_LENGTH_M}"]
-        lidars = [lidar_file(name) for name in (AVIA, *SPINNING)]
-        infrasim("run", scene_file("highway"), "--lidar", *lidars, *words)
+        simulate(
+            "highway", (AVIA, *SPINNING), folder, preset=preset, seed=seed, frames=frames,
+            aggregation=aggregation, set=[f"region_half_length_m={REGION_HALF_LENGTH_M}"],
+        )  # fmt: skip
         sets.append(read_data_set(folder))
     rows = claims_of(*sets)
     for data in sets:

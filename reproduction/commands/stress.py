@@ -17,15 +17,13 @@ from pathlib import Path
 from typing import Annotated
 
 from pyinfra.core.files import held
-from pyinfra.dataset.catalogue import lidar_file, scene_file
-from pyinfra.dataset.runs import infrasim
 from pyinfra.experiments import store
-from pyinfra.experiments.benchmark.frames import split_by_time
 from pyinfra.experiments.benchmark.matrix import Parts
 from pyinfra.experiments.stress.runner import stress
 from pyinfra.formats.csv_table import read_csv
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
+from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
 VERSION = 1  # of the results of this file; raise it with a change that alters them
@@ -65,11 +63,8 @@ def simulated(seed: int, work: Path) -> Path:
     """Simulates the frames of a traffic seed for all LiDARs; returns the data set's folder."""
     folder = work / "data" / f"{SCENE}_{seed}"
     with held(folder.with_name(f"{folder.name}.lock"), wait=True):
-        words = ["--preset", PRESET, "--seed", str(seed), "--frames", FRAMES, "--threads", "1"]
-        lidars = [lidar_file(name) for name in LIDARS]
-        infrasim("run", scene_file(SCENE), "--lidar", *lidars, *words, "--out", folder)
-        split_by_time(folder, Parts())
-    return folder
+        options = {"preset": PRESET, "seed": seed, "frames": FRAMES, "threads": 1}
+        return simulate(SCENE, LIDARS, folder, parts=Parts(), **options)
 
 
 def model_of(experiment: Experiment, data: Path, work: Path) -> Path:

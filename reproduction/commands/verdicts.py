@@ -241,18 +241,15 @@ def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
                 same = means.loc[values.index]
                 ends = [interval(above_level(same, name).to_numpy()) for name in rivals]
                 row["verdict"] = of_value(ends, len(values))
-            yield {**row, "primary": is_primary(key), **dict(zip(GROUP, key, strict=True))}
+            group = dict(zip(GROUP, key, strict=True))
+            decides = (group["judge"], group["detector"]) in PRIMARY
+            yield {**row, "primary": decides and group["label_time"] == "scan", **group}
     networks = table[table["judge"] == "from nothing"]
     for key, rows in networks.groupby(OF_DETECTORS, sort=False):
         for claim in CLAIMS_OF_DETECTORS:
             if key[-1] in claim.subsets and set(claim.names) <= set(rows.detector):
                 row, _ = decided(claim, means_of(rows[rows.detector.isin(claim.names)], "detector"))
                 yield {**row, "primary": False, **dict(zip(OF_DETECTORS, key, strict=True))}
-
-
-def is_primary(key: tuple[object, ...]) -> bool:
-    """Returns whether a group of GROUP has a detector that decides, and labels at scan time."""
-    return key[2:4] in PRIMARY and key[4] == "scan"
 
 
 def decided(claim: Claim, means: pd.DataFrame) -> tuple[dict[str, object], pd.Series]:

@@ -40,6 +40,7 @@ BINS = 10
 MEASURED_FRAMES = 30  # frames of a run
 LEAST_BOXES = 9  # false boxes of a pose, below which their rate says little
 LEAST_RATE = 0.03  # the same of an option, per frame
+OfPair = Callable[[FloatArray, FloatArray], float]  # of two values of each pose
 
 
 def predicted(outcome: Outcome, law: laws.Law) -> dict[str, float]:
@@ -189,28 +190,30 @@ def _gains(rows: pd.DataFrame) -> pd.Series:
 
 def summary(table: pd.DataFrame) -> Iterator[dict[str, object]]:
     """Yields a row for each measure: its mean over sites and LiDARs, with a 95 % interval."""
-    each = {
-        "mean error": _error,
-        "mean error with the same traffic": _same_traffic_error,
-        "bias": _bias,
-        "mean error of another seed": _seed_error,
-    }
     for figure in ("ap", "recall"):
+        predicted, measured = f"{figure}_predicted", f"{figure}_measured"
+        each = {
+            "mean error": partial(_over_poses, _mean_error, predicted, measured),
+            "mean error with the same traffic": partial(_same_traffic_error, figure),
+            "bias": partial(_over_poses, _bias, predicted, measured),
+            "mean error of another seed": partial(_over_seeds, _mean_error, measured),
+        }
         for name, of in each.items():
-            yield row(f"{name}, {figure}", "", per_group(table, partial(of, figure=figure)))
+            yield row(f"{name}, {figure}", "", per_group(table, of))
+    of_ap = {"r within a site": _correlation, "regret of the best pose, AP": _regret}
     for predictor in PREDICTORS:
-        values = per_group(table, partial(_r, predictor=predictor))
-        yield row("r within a site", predictor, values)
-        values = per_group(table, partial(_regret, predictor=predictor))
-        yield row("regret of the best pose, AP", predictor, values)
-    yield row("r within a site", "another seed", per_group(table, _seed_r))
+        for name, of_pair in of_ap.items():
+            of = partial(_over_poses, of_pair, predictor, "ap_measured")
+            yield row(name, predictor, per_group(table, of))
+    seed_r, seed_regret = (partial(_over_seeds, of, "ap_measured") for of in of_ap.values())
+    yield row("r within a site", "another seed", per_group(table, seed_r))
     density = table.groupby(GROUP).vehicles_per_frame.transform("mean")
     middle = density.groupby([table[name] for name in GROUP]).first().median()
     for part, half in (("less", table[density < middle]), ("more", table[density >= middle])):
         for predictor in PREDICTORS:
-            values = per_group(half, partial(_r, predictor=predictor))
-            yield row(f"r within a site with {part} traffic", predictor, values)
-    yield row("regret of the best pose, AP", "another seed", per_group(table, _seed_regret))
+            of = partial(_over_poses, _correlation, predictor, "ap_measured")
+            yield row(f"r within a site with {part} traffic", predictor, per_group(half, of))
+    yield row("regret of the best pose, AP", "another seed", per_group(table, seed_regret))
 
 
 def row(measure: str, predictor: str, values: FloatArray) -> dict[str, object]:
@@ -240,49 +243,29 @@ def per_group(table: pd.DataFrame, of: Callable[[pd.DataFrame], float]) -> Float
     return np.array([of(group) for _, group in table.groupby(GROUP)])
 
 
-def _means(group: pd.DataFrame, *columns: str) -> list[FloatArray]:
-    """Returns columns averaged over seeds, one value per pose."""
-    means = group.groupby("pose")[list(columns)].mean()
-    return [means[name].to_numpy() for name in columns]
+def _over_poses(of: OfPair, a: str, b: str, group: pd.DataFrame) -> float:
+    """Returns a value of two columns averaged over seeds: (poses,) each."""
+    means = group.groupby("pose")[[a, b]].mean()
+    return of(means[a].to_numpy(), means[b].to_numpy())
 
 
-def _error(group: pd.DataFrame, figure: str) -> float:
-    a, b = _means(group, f"{figure}_predicted", f"{figure}_measured")
-    return float(np.abs(a - b).mean())
+def _over_seeds(of: OfPair, column: str, group: pd.DataFrame) -> float:
+    """Returns the mean over seeds of a value of one seed and the mean of the others."""
+    values = np.asarray(group.pivot(index="pose", columns="seed", values=column), float)
+    others = (np.delete(values, s, axis=1).mean(1) for s in range(values.shape[1]))
+    return float(np.mean([of(one, other) for one, other in zip(values.T, others, strict=True)]))
 
 
-def _same_traffic_error(group: pd.DataFrame, figure: str) -> float:
+def _same_traffic_error(figure: str, group: pd.DataFrame) -> float:
     return float((group[f"{figure}_same_traffic"] - group[f"{figure}_measured"]).abs().mean())
 
 
-def _bias(group: pd.DataFrame, figure: str) -> float:
-    a, b = _means(group, f"{figure}_predicted", f"{figure}_measured")
+def _mean_error(a: FloatArray, b: FloatArray) -> float:
+    return float(np.abs(a - b).mean())
+
+
+def _bias(a: FloatArray, b: FloatArray) -> float:
     return float((a - b).mean())
-
-
-def _by_seed(group: pd.DataFrame, column: str) -> FloatArray:
-    """Returns a measured column: (poses, seeds)."""
-    return np.asarray(group.pivot(index="pose", columns="seed", values=column), float)
-
-
-def _one_against_others(values: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yields the values of each seed (poses,), and the mean of the other seeds."""
-    for s in range(values.shape[1]):
-        yield values[:, s], np.delete(values, s, axis=1).mean(1)
-
-
-def _seed_error(group: pd.DataFrame, figure: str) -> float:
-    pairs = _one_against_others(_by_seed(group, f"{figure}_measured"))
-    return float(np.mean([np.abs(a - b).mean() for a, b in pairs]))
-
-
-def _r(group: pd.DataFrame, predictor: str) -> float:
-    return _correlation(*_means(group, predictor, "ap_measured"))
-
-
-def _seed_r(group: pd.DataFrame) -> float:
-    pairs = _one_against_others(_by_seed(group, "ap_measured"))
-    return float(np.mean([_correlation(a, b) for a, b in pairs]))
 
 
 def _correlation(a: FloatArray, b: FloatArray) -> float:
@@ -291,15 +274,9 @@ def _correlation(a: FloatArray, b: FloatArray) -> float:
     return float(stats.pearsonr(a, b).statistic)
 
 
-def _regret(group: pd.DataFrame, predictor: str) -> float:
+def _regret(predicted: FloatArray, ap: FloatArray) -> float:
     """Returns the AP of the best pose minus the AP of the pose with the best prediction."""
-    a, b = _means(group, predictor, "ap_measured")
-    return float(b.max() - b[a.argmax()])
-
-
-def _seed_regret(group: pd.DataFrame) -> float:
-    pairs = _one_against_others(_by_seed(group, "ap_measured"))
-    return float(np.mean([b.max() - b[a.argmax()] for a, b in pairs]))
+    return float(ap.max() - ap[predicted.argmax()])
 
 
 def reliability(

@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 
 from pyinfra.core.arrays import AnyArray, BoolArray, FloatArray
-from pyinfra.core.files import replacing
+from pyinfra.core.files import write
 from pyinfra.core.vocabulary import OBJECT_NAMES, PERSON_TYPES
 from pyinfra.dataset.simulation import Lidar
 from pyinfra.dataset.world_frame import to_world
@@ -84,8 +84,7 @@ def empty_scene(file: Path) -> Path:
         keys = yaml.safe_load(file.read_text(encoding="utf-8"))
         keys = {name: value for name, value in keys.items() if name not in PEOPLE}
         keys["traffic"]["vehicles_per_km_lane"] = RARE
-        with replacing(out) as beside:
-            beside.write_text(yaml.safe_dump(keys))
+        write(out, yaml.safe_dump(keys))
     return out
 
 

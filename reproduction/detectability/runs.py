@@ -16,7 +16,7 @@ import pandas as pd
 import yaml
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.core.files import replacing
+from pyinfra.core.files import replacing, write
 from pyinfra.dataset.catalogue import lidar_file
 from pyinfra.dataset.simulation import Lidar, load_lidar
 from pyinfra.experiments.planner.candidates import (
@@ -105,8 +105,7 @@ def scene_file_of(seed: int, work: Path) -> Path:
     if not file.is_file():
         keys = make_site(seed) | {"duration_s": DURATION_S, "label_time": "scan"}
         keys["mounts"]["pole"].update({"pitch_deg": 0.0, "roll_deg": 0.0})
-        with replacing(file) as beside:
-            beside.write_text(yaml.safe_dump(keys))
+        write(file, yaml.safe_dump(keys))
     return file
 
 

@@ -11,14 +11,13 @@ from pyinfra.metrics.row_selection import AP_R40
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Block,
-    Column,
+    Columns,
     Figure,
     LegendEntry,
     Panel,
     Section,
-    Table,
-    TableCell,
     number,
+    table_of,
 )
 from pyinfra.viz.report.names import detector
 from pyinfra.viz.report.report_data import Material
@@ -60,23 +59,19 @@ def _agreement(material: Material) -> list[Block]:
     rows = material.results.table("paper")
     if rows.empty:
         return []
-    heads = ("Scene", "Experiments", "Rank correlation", "Mean difference")
-    lines: list[list[TableCell]] = [
-        [
-            TableCell(str(row.scene)),
-            number(float(row.experiments), "g"),
-            number(float(row.rank_correlation), ".2f"),
-            number(float(row.mean_difference), "+.1f"),
-        ]
-        for row in rows.itertuples()
-    ]
+    columns: Columns = {
+        "Scene": lambda row: str(row.scene),
+        "Experiments": lambda row: number(float(row.experiments), "g"),
+        "Rank correlation": lambda row: number(float(row.rank_correlation), ".2f"),
+        "Mean difference": lambda row: number(float(row.mean_difference), "+.1f"),
+    }
     caption = (
         "Agreement with the paper's AP under preset paper. The rank correlation is Spearman's, "
         "over the experiments that the paper also has. The mean difference is the AP (R40) of "
         "this benchmark minus the paper's."
     )
-    columns = [Column(head, number=head != "Scene") for head in heads]
-    return [Table(caption, columns, lines, TableFile(material.results.file("paper"), rows))]
+    source = TableFile(material.results.file("paper"), rows)
+    return [table_of(caption, rows, columns, source)]
 
 
 def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> list[Block]:

@@ -6,13 +6,13 @@ from pyinfra.experiments.result_tables import TableFile
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Block,
-    Column,
+    Columns,
     Figure,
     Panel,
     Section,
     Table,
-    TableCell,
-    number,
+    number_in,
+    table_of,
 )
 from pyinfra.viz.report.names import in_order
 from pyinfra.viz.report.report_data import Material
@@ -128,58 +128,39 @@ def _figure(material: Material, ladder: pd.DataFrame, source: TableFile) -> Figu
 
 
 def _ladder_table(material: Material, ladder: pd.DataFrame, source: TableFile) -> Table:
-    heads = [Column("Detail"), Column("LiDAR")]
-    titles = ("Mean change, %", "Largest change, %", "Relative time")
-    heads += [Column(c, number=True) for c in titles]
-    rows = [
-        [
-            TableCell(str(row.detail)),
-            TableCell(material.names.label(str(row.lidar))),
-            number(float(row.mean_change_percent), ".2f"),
-            number(float(row.largest_change_percent), ".2f"),
-            number(float(row.relative_time), ".3f"),
-        ]
-        for row in ladder.itertuples()
-    ]
     caption = "Change of the number of points on a vehicle over the distance bins of fidelity.csv."
-    return Table(caption, heads, rows, source, closed=True)
+    columns: Columns = {
+        "Detail": lambda row: str(row.detail),
+        "LiDAR": lambda row: material.names.label(str(row.lidar)),
+        "Mean change, %": number_in("mean_change_percent", ".2f"),
+        "Largest change, %": number_in("largest_change_percent", ".2f"),
+        "Relative time": number_in("relative_time", ".3f"),
+    }
+    return table_of(caption, ladder, columns, source, closed=True)
 
 
 def _aggregation(material: Material, table: pd.DataFrame) -> Table:
-    heads = [Column("Aggregation"), Column("LiDAR")]
-    titles = ("Points per vehicle", "Points outside the box, %", "Time of a frame set, ms")
-    heads += [Column(c, number=True) for c in titles]
-    rows = [
-        [
-            TableCell(str(row.aggregation)),
-            TableCell(material.names.label(str(row.lidar))),
-            number(float(row.points_per_vehicle), ".1f", str(row.origin)),
-            number(float(row.outside_box_percent), ".1f", str(row.origin)),
-            number(float(row.ms_per_frame_set), ".1f", str(row.origin)),
-        ]
-        for row in table.itertuples()
-    ]
     caption = (
         "Aggregation of the points of a frame: each ray at its own firing time (exact), in slices "
         "within which nothing moves, or all rays at one instant."
     )
-    return Table(caption, heads, rows, material.results.source("aggregation"))
+    columns: Columns = {
+        "Aggregation": lambda row: str(row.aggregation),
+        "LiDAR": lambda row: material.names.label(str(row.lidar)),
+        "Points per vehicle": number_in("points_per_vehicle"),
+        "Points outside the box, %": number_in("outside_box_percent"),
+        "Time of a frame set, ms": number_in("ms_per_frame_set"),
+    }
+    return table_of(caption, table, columns, material.results.source("aggregation"))
 
 
 def _beam(material: Material, table: pd.DataFrame) -> Table:
-    heads = [Column("Rays of a beam"), Column("Distance, m")]
-    heads += [
-        Column(c, number=True) for c in ("Vehicles", "Points per vehicle", "Points in the box")
-    ]
-    rows = [
-        [
-            TableCell(str(row.lidar).replace("_", " ")),
-            TableCell(str(row.distance)),
-            number(float(row.vehicles), ".0f", str(row.origin)),
-            number(float(row.points_per_vehicle), ".1f", str(row.origin)),
-            number(float(row.in_box), ".1f", str(row.origin)),
-        ]
-        for row in table.itertuples()
-    ]
     caption = "The Avia's beam, simulated as one ray or as several rays side by side."
-    return Table(caption, heads, rows, material.results.source("beam"), closed=True)
+    columns: Columns = {
+        "Rays of a beam": lambda row: str(row.lidar).replace("_", " "),
+        "Distance, m": lambda row: str(row.distance),
+        "Vehicles": number_in("vehicles", ".0f"),
+        "Points per vehicle": number_in("points_per_vehicle"),
+        "Points in the box": number_in("in_box"),
+    }
+    return table_of(caption, table, columns, material.results.source("beam"), closed=True)

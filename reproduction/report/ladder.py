@@ -8,7 +8,15 @@ import pandas as pd
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics.comparison import Interval, over_replicates
 from pyinfra.viz.report import svg
-from pyinfra.viz.report.blocks import Block, Column, Figure, Panel, Table, TableCell, number
+from pyinfra.viz.report.blocks import (
+    Block,
+    Columns,
+    Figure,
+    Panel,
+    Table,
+    number_in,
+    table_of,
+)
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.distance import legend
 from pyinfra.viz.report.style import drawing, panel
@@ -194,19 +202,13 @@ def _figure(material: Material, table: pd.DataFrame) -> Figure:
 
 
 def _table(material: Material, steps: list[ComparedValue], known: bool) -> Table:
-    heads = [Column("Setting"), Column("Value")]
-    heads += [Column(c, number=True) for c in ("CPU time, s", "Largest change of AP")]
-    rows = [
-        [
-            TableCell(step.setting),
-            TableCell(step.value),
-            number(step.seconds, ".1f"),
-            number(step.change, ".2f"),
-            TableCell(("same" if step.same else "changed") if known else "no interval"),
-        ]
-        for step in steps
-    ]
     made = pd.DataFrame([vars(step) for step in steps])
+    columns: Columns = {
+        "Setting": lambda row: str(row.setting),
+        "Value": lambda row: str(row.value),
+        "CPU time, s": number_in("seconds"),
+        "Largest change of AP": number_in("change", ".2f"),
+        "Conclusions": lambda row: ("same" if row.same else "changed") if known else "no interval",
+    }
     caption = "Whether a cheaper scene model changes the conclusions, from ladder.csv."
-    source = TableFile("report_ladder.csv", made)
-    return Table(caption, [*heads, Column("Conclusions")], rows, source)
+    return table_of(caption, made, columns, TableFile("report_ladder.csv", made))

@@ -2,9 +2,10 @@
 
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import astuple
 from functools import cache
+from typing import Any
 
 import pandas as pd
 
@@ -83,6 +84,19 @@ def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "".join([lines[0], "|" + "---|" * len(heads) + "\n", *lines[1:]])
 
 
+# By the head of a column: a template of the values of a row, such as `{objects:,}`, or a function.
+Columns = Mapping[str, str | Callable[[Any], str]]
+
+
+def of_rows(rows: pd.DataFrame, columns: Columns) -> str:
+    """Returns a Markdown table with a line for each row."""
+    lines = (
+        [cell.format_map(row) if isinstance(cell, str) else cell(row) for cell in columns.values()]
+        for row in rows.to_dict("records")
+    )
+    return markdown(list(columns), lines)
+
+
 def number(value: float) -> str:
     """Formats a number with two decimals if it is below 1, otherwise with one decimal."""
     return f"{value:.2f}" if abs(value) < 1 else f"{value:.1f}"
@@ -116,5 +130,5 @@ def signed(mean: Interval) -> str:
     return f"{mean.value:+.1f} [{mean.low:+.1f}, {mean.high:+.1f}]"
 
 
-def ends(row: pd.Series, name: str) -> list[float]:
+def ends(row: Mapping[str, Any] | pd.Series, name: str) -> list[float]:
     return [float(row[column]) for column in (name, f"{name}_low", f"{name}_high")]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from pyinfra.core.files import replacing
 from pyinfra.experiments.stress.stressors import NONE
-from pyinfra.metrics.comparison import Interval, over_replicates
+from pyinfra.metrics.comparison import over_replicates
 from pyinfra.viz.picture_style import COLOURS, STYLE
 from reproduction.commands.verdicts import LEVEL_AP, WIDE
 from reproduction.tables import integration, simulator, sites, tracks
@@ -170,7 +170,7 @@ def draw_stress(rows: pd.DataFrame) -> Figure:
 def rows_of_models() -> pd.DataFrame:
     """Returns the change of AP with its interval by changed setting of the scene and LiDAR."""
     rows = [
-        (f"{setting} {value}", LIDARS[lidar], *_ends(change))
+        (f"{setting} {value}", LIDARS[lidar], *astuple(change))
         for (setting, value), changes in simulator.changes_of_models().items()
         for lidar, change in sorted(changes.items(), key=lambda pair: [*LIDARS].index(pair[0]))
     ]
@@ -183,7 +183,7 @@ def rows_of_integration() -> pd.DataFrame:
         (
             f"{speed} km/h, {LIDARS[lidar]}",
             integration.name_of(stack),
-            *_ends(integration.change(of_seeds, stack)),
+            *astuple(integration.change(of_seeds, stack)),
         )
         for (speed, lidar), of_seeds in integration.aps("captured").items()
         for stack in of_seeds
@@ -252,10 +252,6 @@ def draw_coverage(rows: pd.DataFrame) -> Figure:
     ax.set(xlim=(max(0, low), 100), ylim=(max(0, low), 100), aspect="equal")
     ax.set(xlabel="vehicles found in further traffic, %", ylabel="predicted, %")
     return _finished(figure, ax)
-
-
-def _ends(change: Interval) -> tuple[float, float, float]:
-    return change.value, change.low, change.high
 
 
 def _empty(height_in: float = SIZE_IN[1]) -> tuple[Figure, Axes]:

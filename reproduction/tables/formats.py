@@ -2,13 +2,14 @@
 
 import tomllib
 
-from pyinfra.exchange.formats import FORMATS, Format
+from pyinfra.exchange.formats import FORMATS
 from pyinfra.exchange.guess import FILES
 from pyinfra.exchange.label_files import SUFFIXES
 from pyinfra.scenes.maps.map_file import FORMATS as MAPS
 from pyinfra.scenes.maps.mesh_import import ENDINGS
 from pyinfra.scenes.maps.osm_pbf import PBF
 from reproduction import ROOT
+from reproduction.tables.common import markdown
 
 # Endings of the files in formats that a folder shows; those of FILES are in the code.
 FOLDERS = {
@@ -23,33 +24,22 @@ FOLDERS = {
 OWN = "NumPy"
 
 
-def _endings(names: tuple[str, ...]) -> str:
-    return ", ".join(names)
-
-
-def _library(format: Format) -> str:
-    extra = f" (extra `{format.extra}`)" if format.extra else ""
-    return f"{format.packages}{extra}" if format.packages else OWN
-
-
 def formats() -> str:
     """A row for each format of recordings: read, written, read back, library, files."""
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    extra = extras["optional-dependencies"].values()
-    known = " ".join(extras["dependencies"] + [word for words in extra for word in words])
-    lines = [
-        "| format | files | read | written | read back as | library |",
-        "|---|---|---|---|---|---|",
-    ]
+    optional = extras["optional-dependencies"].values()
+    known = " ".join(extras["dependencies"] + [word for words in optional for word in words])
+    rows = []
     for name, format in FORMATS.items():
         for package in filter(None, format.packages.split(", ")):
             assert package in known, f"{package} is no package of pyproject.toml"
-        files = FOLDERS.get(name) or _endings(FILES[name])
+        files = FOLDERS.get(name) or ", ".join(FILES[name])
         read, written = ("yes" if part else "no" for part in (format.read, format.export))
         back = f"`{format.back}`" if format.back else "-"
-        cells = (f"`{name}`", files, read, written, back, _library(format))
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+        extra = f" (extra `{format.extra}`)" if format.extra else ""
+        library = f"{format.packages}{extra}" if format.packages else OWN
+        rows.append((f"`{name}`", files, read, written, back, library))
+    return markdown(["format", "files", "read", "written", "read back as", "library"], rows)
 
 
 def other_formats() -> str:
@@ -65,13 +55,12 @@ def other_formats() -> str:
     assert set(MAPS) <= set(known)
     rows = [("maps", "pyinfra site import", files, library) for files, library in maps.items()]
     rows += [
-        ("meshes", "pyinfra site mesh", _endings(ENDINGS), "trimesh (extra `site`)"),
+        ("meshes", "pyinfra site mesh", ", ".join(ENDINGS), "trimesh (extra `site`)"),
         ("tracks", "pyinfra site trajectories", ".csv, .xml of SUMO", OWN),
-        ("labels", "pyinfra import", _endings(SUFFIXES), OWN),
+        ("labels", "pyinfra import", ", ".join(SUFFIXES), OWN),
         ("boxes of a detector", "pyinfra import --boxes-of", ".csv", OWN),
         ("boxes of a detector", "pyinfra evaluate", ".txt, .csv", OWN),
         ("beams of a LiDAR", "pyinfra lidars --from-table", ".json, .yaml, .xml, .csv", OWN),
     ]
-    lines = ["| what | command | files | library |", "|---|---|---|---|"]
-    lines += [f"| {what} | `{command}` | {files} | {lib} |" for what, command, files, lib in rows]
-    return "\n".join(lines) + "\n"
+    lines = [(what, f"`{command}`", files, library) for what, command, files, library in rows]
+    return markdown(["what", "command", "files", "library"], lines)

@@ -20,28 +20,24 @@ def far_points() -> list[str]:
     rows = rows_of(table, "far-range", " common,").set_index("preset")
     paper, equal, datasheet = (number(rows.value[preset]) for preset in PRESETS)
     (seeds,) = set(rows.seeds)
-    finding = (
+    return [
         f"On far vehicles, the Livox Avia has {paper} times the points of the best other LiDAR "
         f"with [the study's settings](docs/quick_start.md#presets), {equal} with equal ranges, "
-        f"{datasheet} by data sheets."
-    )
-    where = f"[highway](docs/results/points.md) beyond 90 m; {seeds} seeds"
-    return [finding, where]
+        f"{datasheet} by data sheets.",
+        f"[highway](docs/results/points.md) beyond 90 m; {seeds} seeds",
+    ]
 
 
 def right_place() -> list[str]:
     """Returns the row about the AP of the pose that a plan chooses, at equal price."""
     table = results("placement_summary").set_index("quantity")
     row = table.loc["chosen pose less mean pose, AP"]
-    finding = (
+    return [
         f"At equal price, the pose that `pyinfra plan` chooses has {row.value:.0f} AP more than "
-        "the mean of six poses."
-    )
-    where = (
+        "the mean of six poses.",
         "[generated sites](docs/results/placement.md); 95 % interval "
-        f"[{row.low:.0f}, {row.high:.0f}]"
-    )
-    return [finding, where]
+        f"[{row.low:.0f}, {row.high:.0f}]",
+    ]
 
 
 def same_vehicles() -> list[str]:
@@ -60,12 +56,9 @@ def same_vehicles() -> list[str]:
         for name, words in (("paper", "(study)"), ("datasheet", "(data sheets)"))
     )
     counts = dict.fromkeys(str(rows.replicates[name]) for name in ("paper", "datasheet"))
-    finding = (
+    return [
         "For vehicles visible to all LiDARs, the Avia's average precision (AP) minus that of "
-        f"128 lines is {paper} with the study's settings, {datasheet} by data sheets."
-    )
-    where = (
+        f"128 lines is {paper} with the study's settings, {datasheet} by data sheets.",
         f"[highway](docs/results/detection.md), fine-tuned, {'/'.join(counts)} replicates; "
-        f"{100 * LEVEL:.1f} % intervals {intervals}"
-    )
-    return [finding, where]
+        f"{100 * LEVEL:.1f} % intervals {intervals}",
+    ]

@@ -8,7 +8,7 @@ import yaml
 
 from reproduction import ROOT
 from reproduction.tables.common import DETECTORS as NAMES
-from reproduction.tables.common import markdown, number, results, tenth
+from reproduction.tables.common import Columns, markdown, number, of_rows, results, tenth
 
 DETECTORS = ("centerpoint-pillar", "pointpillars", "dsvt", "pv-rcnn", "pointrcnn")
 AP_STEPS = 100  # steps of the tier `quick` before the AP is measured
@@ -92,8 +92,12 @@ def batches() -> str:
     """Returns a table of the batches per second by the number of workers."""
     table = results("gpu")
     table = table[table.measure == "batches_per_s"]
-    rows = [[row.device, row.setting.split()[0], number(row.value)] for row in table.itertuples()]
-    return markdown(["device", "processes that make batches", "batches/s"], rows)
+    columns: Columns = {
+        "device": "{device}",
+        "processes that make batches": lambda row: str(row["setting"].split()[0]),
+        "batches/s": lambda row: number(row["value"]),
+    }
+    return of_rows(table, columns)
 
 
 def hours() -> str:

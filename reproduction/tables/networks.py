@@ -12,6 +12,7 @@ from reproduction.tables.common import (
     LIDARS,
     ends,
     markdown,
+    of_rows,
     results,
     with_interval_of_ap,
 )
@@ -134,25 +135,25 @@ def of_unseen_sites() -> pd.DataFrame:
 
 def unseen() -> str:
     """Returns a table of AP (R1000) by class at unseen sites."""
-    table, rows = of_unseen_sites(), []
+    table = of_unseen_sites()
     table = table[(table.condition == "as known") & (table.objects > 0)]
-    kinds = (table["sites"] == "all") | (table["class"] == "vehicle")
-    for _, row in table[kinds].iterrows():
-        where = f"{row['set']}, {row.sites} ({row['count']})"
-        ap = with_interval_of_ap(*ends(row, "ap_r1000"))
-        rows.append([where, row["class"], str(row.objects), ap])
-    return markdown(["sites", "class", "objects", "AP (R1000)"], rows)
+    return of_rows(
+        table[(table["sites"] == "all") | (table["class"] == "vehicle")],
+        {
+            "sites": "{set}, {sites} ({count})",
+            "class": "{class}",
+            "objects": "{objects}",
+            "AP (R1000)": lambda row: with_interval_of_ap(*ends(row, "ap_r1000")),
+        },
+    )
 
 
 def unseen_pose() -> str:
     """Returns a table of the AP that an unknown pose error costs at the plain sites."""
     table = of_unseen_sites()
-    wrong = table[table.condition != "as known"]
-    rows = [
-        [row.condition, row["class"], "{:+.1f} [{:.1f}, {:.1f}]".format(*ends(row, "cost"))]
-        for _, row in wrong.iterrows()
-    ]
-    return markdown(["error", "class", "cost in AP"], rows)
+    cost = "{cost:+.1f} [{cost_low:.1f}, {cost_high:.1f}]"
+    columns = {"error": "{condition}", "class": "{class}", "cost in AP": cost}
+    return of_rows(table[table.condition != "as known"], columns)
 
 
 def unseen_shown() -> str:
@@ -161,13 +162,16 @@ def unseen_shown() -> str:
     Only boxes with a score of at least 0.5 count as false positives.
     """
     table = of_unseen_sites()
-    table = table[(table.condition == "as known") & (table["sites"] == "all")]
-    rows = []
-    for _, row in table.iterrows():
-        false = "{:.2f} [{:.2f}, {:.2f}]".format(*ends(row, "false_per_frame"))
-        rows.append([row["set"], row["class"], false, f"{row.recall_at_half:.2f}"])
-    heads = ["false positives per frame", "recall at a precision of 0.5"]
-    return markdown(["sites", "class", *heads], rows)
+    ends_of_false = "[{false_per_frame_low:.2f}, {false_per_frame_high:.2f}]"
+    return of_rows(
+        table[(table.condition == "as known") & (table["sites"] == "all")],
+        {
+            "sites": "{set}",
+            "class": "{class}",
+            "false positives per frame": f"{{false_per_frame:.2f}} {ends_of_false}",
+            "recall at a precision of 0.5": "{recall_at_half:.2f}",
+        },
+    )
 
 
 def fairness() -> str:

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from reproduction.tables.common import markdown, results, with_interval_of_ap
+from reproduction.tables.common import markdown, of_rows, results, with_interval_of_ap
 
 PREDICTORS = {
     "ap_predicted": "AP predicted by the detectability",
@@ -26,6 +26,14 @@ WORDS = {  # of quantities in placement_summary.csv, in the words of the page
     "at which it is best": "at which it has the highest AP",
 }
 
+TWO_DIGITS = "{value:.2f} [{low:.2f}, {high:.2f}]"
+FIGURES = {  # of plan_coverage_summary.csv
+    "recall": "vehicles found, of 100",
+    "people_recall": "pedestrians found, of 100",
+    "false_per_frame": "false boxes per frame",
+    "ap": "AP",
+}
+
 
 def _cell(row: pd.Series) -> str:
     return with_interval_of_ap(float(row.value), float(row.low), float(row.high))
@@ -39,7 +47,9 @@ def predictors() -> str:
         for predictor, name in PREDICTORS.items():
             r = table.loc[(detector, "r within a site", predictor)]
             regret = table.loc[(detector, "regret of the best pose, AP", predictor)]
-            rows.append([detector, name, _two_digits(r), f"{r['median']:.2f}", _cell(regret)])
+            rows.append(
+                [detector, name, TWO_DIGITS.format_map(r), f"{r['median']:.2f}", _cell(regret)]
+            )
     return markdown(["detector", "predictor", "r within a site", "median r", "regret, AP"], rows)
 
 
@@ -51,7 +61,7 @@ def by_traffic() -> str:
             detector,
             name,
             *(
-                _two_digits(
+                TWO_DIGITS.format_map(
                     table.loc[(detector, f"r within a site with {part} traffic", predictor)]
                 )
                 for part in ("less", "more")
@@ -61,10 +71,6 @@ def by_traffic() -> str:
         for predictor, name in list(PREDICTORS.items())[:-1]
     ]
     return markdown(["detector", "predictor", "r, less traffic", "r, more traffic"], rows)
-
-
-def _two_digits(row: pd.Series) -> str:
-    return f"{row.value:.2f} [{row.low:.2f}, {row.high:.2f}]"
 
 
 def errors() -> str:
@@ -85,19 +91,17 @@ def errors() -> str:
 
 def reliability() -> str:
     """Returns a table of predicted and measured shares of detected objects."""
-    table = results("detectability_reliability")
-    rows = [
-        [
-            row.detector,
-            row.object_class,
-            f"{row.objects:,}",
-            f"{row.predicted_percent:.0f}",
-            with_interval_of_ap(row.measured_percent, row.measured_low, row.measured_high),
-        ]
-        for row in table.rename(columns={"class": "object_class"}).itertuples()
-    ]
-    heads = ["detector", "class", "objects", "predicted, percent", "measured, percent"]
-    return markdown(heads, rows)
+    ends = ("measured_percent", "measured_low", "measured_high")
+    return of_rows(
+        results("detectability_reliability"),
+        {
+            "detector": "{detector}",
+            "class": "{class}",
+            "objects": "{objects:,}",
+            "predicted, percent": "{predicted_percent:.0f}",
+            "measured, percent": lambda row: with_interval_of_ap(*(row[name] for name in ends)),
+        },
+    )
 
 
 def placement(question: str) -> str:
@@ -118,58 +122,46 @@ def _quantity(text: str) -> str:
 
 def plans() -> str:
     """Returns the options that were simulated in full for each question, the chosen one first."""
-    rows = []
-    for question, group in results("plans").groupby("question", sort=False):
-        for one in group.itertuples():
-            share = f"{one.recall:.0f} [{one.recall_low:.0f}, {one.recall_high:.0f}]"
-            price = f"{one.price_usd:,.0f} [{one.price_usd_low:,.0f}, {one.price_usd_high:,.0f}]"
-            ap = f"{one.ap_predicted:.0f}, {one.ap_simulated:.0f}"
-            where = f"{one.lidars}, {one.heights_m} m"
-            found = f"{one.recall_simulated:.0f}"
-            rows.append([question, str(one.option), where, share, found, ap, price])
-    heads = ["question", "option", "LiDAR, height", "found of 100, predicted"]
-    heads += ["found of 100, simulated", "AP: predicted, simulated", "price, USD"]
-    return markdown(heads, rows)
+    return of_rows(
+        results("plans"),
+        {
+            "question": "{question}",
+            "option": "{option}",
+            "LiDAR, height": "{lidars}, {heights_m} m",
+            "found of 100, predicted": "{recall:.0f} [{recall_low:.0f}, {recall_high:.0f}]",
+            "found of 100, simulated": "{recall_simulated:.0f}",
+            "AP: predicted, simulated": "{ap_predicted:.0f}, {ap_simulated:.0f}",
+            "price, USD": "{price_usd:,.0f} [{price_usd_low:,.0f}, {price_usd_high:,.0f}]",
+        },
+    )
 
 
 def plan_coverage() -> str:
     """Returns how often the intervals of plans contain the mean of further traffic seeds."""
-    table = results("plan_coverage_summary").query("lidar == 'all'")
-    names = {
-        "recall": "vehicles found, of 100",
-        "people_recall": "pedestrians found, of 100",
-        "false_per_frame": "false boxes per frame",
-        "ap": "AP",
-    }
-    rows = [
-        [
-            names[row.figure],
-            row.source,
-            str(row.options),
-            f"{row.inside_percent:.0f}",
-            f"{row.agree_percent:.0f}",
-            f"{row.half_width:.1f}",
-            f"{row.mean_half_width:.1f}",
-            f"{row.bias:+.1f}",
-        ]
-        for row in table.itertuples()
-    ]
-    heads = ["quantity", "source", "options", "mean inside, %", "difference within both, %"]
-    return markdown([*heads, "half-width", "half-width of the mean", "bias"], rows)
+    return of_rows(
+        results("plan_coverage_summary").query("lidar == 'all'"),
+        {
+            "quantity": lambda row: FIGURES[row["figure"]],
+            "source": "{source}",
+            "options": "{options}",
+            "mean inside, %": "{inside_percent:.0f}",
+            "difference within both, %": "{agree_percent:.0f}",
+            "half-width": "{half_width:.1f}",
+            "half-width of the mean": "{mean_half_width:.1f}",
+            "bias": "{bias:+.1f}",
+        },
+    )
 
 
 def plan_times() -> str:
     """Returns the number of poses of each question and the processor time of its plan."""
-    table = results("plans").drop_duplicates("question")
-    rows = [
-        [one.question, *(f"{n:,.0f}" for n in (one.poses, one.pairs, one.race_cpu_s, one.cpu_s))]
-        for one in table.itertuples()
-    ]
-    heads = [
-        "question",
-        "poses",
-        "pairs of pose and LiDAR",
-        "comparison, CPU s",
-        "whole plan, CPU s",
-    ]
-    return markdown(heads, rows)
+    return of_rows(
+        results("plans").drop_duplicates("question"),
+        {
+            "question": "{question}",
+            "poses": "{poses:,.0f}",
+            "pairs of pose and LiDAR": "{pairs:,.0f}",
+            "comparison, CPU s": "{race_cpu_s:,.0f}",
+            "whole plan, CPU s": "{cpu_s:,.0f}",
+        },
+    )

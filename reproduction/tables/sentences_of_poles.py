@@ -1,8 +1,6 @@
 """Writes the answers of the page on several poles (see `sentences`)."""
 
-import pandas as pd
-
-from pyinfra.metrics.comparison import Interval, over_replicates
+from pyinfra.metrics.comparison import Interval
 from reproduction.tables import sites
 from reproduction.tables.common import results
 from reproduction.tables.sentences import joined, known, span
@@ -38,7 +36,7 @@ def places() -> str:
 
 def poles() -> str:
     changes = {
-        (lidar, count): _change(aps, (count, NO_ERROR), (count // 2, NO_ERROR))
+        (lidar, count): sites.change_of(aps, (count, NO_ERROR), (count // 2, NO_ERROR))
         for (lidar, detector), aps in sites.ap_of_poles()
         for count in (2, 4)
         if detector == "Background"
@@ -60,8 +58,8 @@ def pole_errors() -> str:
     for _, aps in sites.ap_of_poles():
         for count, costs in turned.items():
             if (count, "clock_50_ms") in aps:
-                clocks.append(_change(aps, (count, "clock_50_ms"), (count, NO_ERROR)))
-                error = _change(aps, (count, "yaw_0.5_deg"), (count, NO_ERROR))
+                clocks.append(sites.change_of(aps, (count, "clock_50_ms"), (count, NO_ERROR)))
+                error = sites.change_of(aps, (count, "yaw_0.5_deg"), (count, NO_ERROR))
                 costs.append(-error.value)
     known(all(d.low <= 0 <= d.high for d in clocks), "late clocks do not change AP significantly")
     return (
@@ -69,10 +67,3 @@ def pole_errors() -> str:
         f"yaw error of 0.5 degrees lowers the AP by {span(turned[2])} with two poles, and by "
         f"{span(turned[4])} with four."
     )
-
-
-def _change(
-    aps: dict[tuple[int, str], pd.Series], changed: tuple[int, str], to: tuple[int, str]
-) -> Interval:
-    """Returns the difference of two entries, paired by seed."""
-    return over_replicates((aps[changed] - aps[to]).dropna().to_list())

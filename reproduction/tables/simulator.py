@@ -4,7 +4,7 @@ import pandas as pd
 
 from pyinfra.metrics.comparison import Interval
 from reproduction.report.ladder import by_seed, interval
-from reproduction.tables.common import LIDARS, markdown, mean_of_ap, results, signed
+from reproduction.tables.common import LIDARS, markdown, mean_of_ap, of_rows, results, signed
 
 MODEL = ["detail", "aggregation", "parts", "vegetation", "label_time", "frames"]
 
@@ -13,8 +13,7 @@ def speed() -> str:
     """Returns a table of the measurements of `make bench`."""
     table = results("speed")
     now = table[~table.what.str.startswith("speed / before")]  # a comparison with another version
-    rows = [[r.what, f"{r.value:.2f} {r.unit}"] for r in now.itertuples()]
-    return markdown(["measurement", "value"], rows)
+    return of_rows(now, {"measurement": "{what}", "value": "{value:.2f} {unit}"})
 
 
 def growth() -> str:

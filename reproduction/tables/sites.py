@@ -18,6 +18,7 @@ from reproduction.tables.common import (
 
 PEOPLE_POINTS, PEOPLE_BIN_M = 5, 10  # the same values as in the command `people`
 POLE_DETECTORS = DETECTORS | {"background-again": "Background, trained again"}
+Aps = Mapping[tuple[int, str], pd.Series]  # AP by seed, by number of poles and error
 COMPARED = "6m"
 PLACES = {
     "back": "40 m before the crossing, 6 m",
@@ -189,7 +190,7 @@ def pole_errors() -> str:
     return markdown(["LiDAR", "detector", "poles", *POLE_ERRORS.values()], rows)
 
 
-def ap_of_poles() -> Iterator[tuple[list[str], dict[tuple[int, str], pd.Series]]]:
+def ap_of_poles() -> Iterator[tuple[list[str], Aps]]:
     """Yields the labels [LiDAR, detector], and the AP by seed of each (number of poles, error).
 
     The AP is that of ground-truth subset `all`.
@@ -210,10 +211,11 @@ def _mean(values: pd.Series) -> str:
     return with_interval(mean.value, mean.low, mean.high)
 
 
-def _change(
-    aps: Mapping[tuple[int, str], pd.Series], changed: tuple[int, str], to: tuple[int, str]
-) -> str:
-    """Formats the difference, paired by seed, of two entries; returns "" if one is missing."""
-    if changed not in aps or to not in aps:
-        return ""
-    return signed(over_replicates((aps[changed] - aps[to]).dropna().to_list()))
+def change_of(aps: Aps, changed: tuple[int, str], to: tuple[int, str]) -> Interval:
+    """Returns the difference of two entries, paired by seed."""
+    return over_replicates((aps[changed] - aps[to]).dropna().to_list())
+
+
+def _change(aps: Aps, changed: tuple[int, str], to: tuple[int, str]) -> str:
+    """Formats the difference of two entries; returns "" if one is missing."""
+    return signed(change_of(aps, changed, to)) if changed in aps and to in aps else ""

@@ -1,8 +1,10 @@
 """Makes the tables about tracks and counts, from results/tracks.csv."""
 
+from typing import Any
+
 import pandas as pd
 
-from reproduction.tables.common import LIDARS, markdown, number, results
+from reproduction.tables.common import LIDARS, Columns, number, of_rows, results
 
 SCENES = {
     "highway": "highway",
@@ -32,104 +34,88 @@ def rows_of(boxes: str) -> pd.DataFrame:
     return groups.agg(how).reset_index().sort_values(["scene", "lidar"], key=lambda c: c.map(order))
 
 
+def _table(boxes: str, columns: Columns) -> str:
+    """Returns a table with a row per scene and LiDAR. columns: see `of_rows`."""
+    rows = rows_of(boxes)
+    rows = rows.assign(scene=rows.scene.map(SCENES), lidar=rows.lidar.map(LIDARS))
+    return of_rows(rows, {"scene": "{scene}", "LiDAR": "{lidar}", **columns})
+
+
 def measures() -> str:
     """Returns a table of the tracks of the pretrained detector, a row per scene and LiDAR."""
-    rows = [
-        [
-            SCENES[row.scene],
-            LIDARS[row.lidar],
-            f"{row.hota:.0f}",
-            f"{row.det_a:.0f}",
-            f"{row.ass_a:.0f}",
-            f"{row.mota:.0f}",
-            f"{row.objects:.0f}",
-            f"{row.switches:.0f}",
-            f"{row.false_tracks_per_min:.0f}",
-            number(row.speed_error_km_h),
-            number(row.speed_p95_km_h),
-        ]
-        for row in rows_of("detector").itertuples()
-    ]
-    heads = ["scene", "LiDAR", "HOTA", "DetA", "AssA", "MOTA", "vehicles", "identity switches"]
-    heads += ["false tracks per minute", "speed error, km/h", "its 95th percentile, km/h"]
-    return markdown(heads, rows)
+    return _table(
+        "detector",
+        {
+            "HOTA": "{hota:.0f}",
+            "DetA": "{det_a:.0f}",
+            "AssA": "{ass_a:.0f}",
+            "MOTA": "{mota:.0f}",
+            "vehicles": "{objects:.0f}",
+            "identity switches": "{switches:.0f}",
+            "false tracks per minute": "{false_tracks_per_min:.0f}",
+            "speed error, km/h": lambda row: number(row["speed_error_km_h"]),
+            "its 95th percentile, km/h": lambda row: number(row["speed_p95_km_h"]),
+        },
+    )
+
+
+def _counted_more(row: Any) -> str:
+    """Formats the difference of the counted passages to the true ones, in percent."""
+    more = row["passages"] - row["passages_true"]
+    return f"{100 * more / max(row['passages_true'], 1):+.0f}"
 
 
 def passages() -> str:
     """Returns a table of the passages over the lines, a row per scene and LiDAR."""
-    rows = [
-        [
-            SCENES[row.scene],
-            LIDARS[row.lidar],
-            f"{row.passages_true:.0f}",
-            f"{row.passages:.0f}",
-            f"{100 * (row.passages - row.passages_true) / max(row.passages_true, 1):+.0f}",
-            f"{row.never:.0f}",
-            f"{row.extra:.0f}",
-        ]
-        for row in rows_of("detector").itertuples()
-    ]
-    heads = ["scene", "LiDAR", "true passages", "counted", "difference, %"]
-    return markdown([*heads, "passages never counted", "counts without a passage"], rows)
+    return _table(
+        "detector",
+        {
+            "true passages": "{passages_true:.0f}",
+            "counted": "{passages:.0f}",
+            "difference, %": _counted_more,
+            "passages never counted": "{never:.0f}",
+            "counts without a passage": "{extra:.0f}",
+        },
+    )
 
 
 def true_boxes() -> str:
     """Returns a table of the tracks of true boxes, a row per scene and LiDAR."""
-    rows = [
-        [
-            SCENES[row.scene],
-            LIDARS[row.lidar],
-            f"{row.all_vehicles:.0f}",
-            f"{row.all_tracks:.0f}",
-            f"{row.switches:.0f}",
-            f"{row.passages_true:.0f}",
-            f"{row.passages:.0f}",
-            number(row.speed_error_km_h),
-        ]
-        for row in rows_of("true").itertuples()
-    ]
-    heads = [
-        "scene",
-        "LiDAR",
-        "vehicles",
-        "tracks",
-        "identity switches",
-        "true passages",
-        "counted",
-    ]
-    return markdown([*heads, "speed error, km/h"], rows)
+    return _table(
+        "true",
+        {
+            "vehicles": "{all_vehicles:.0f}",
+            "tracks": "{all_tracks:.0f}",
+            "identity switches": "{switches:.0f}",
+            "true passages": "{passages_true:.0f}",
+            "counted": "{passages:.0f}",
+            "speed error, km/h": lambda row: number(row["speed_error_km_h"]),
+        },
+    )
 
 
 def times() -> str:
     """Returns a table of processor times per frame, a row per scene and LiDAR."""
-    rows = [
-        [
-            SCENES[row.scene],
-            LIDARS[row.lidar],
-            f"{row.tracks_per_frame:.0f}",
-            f"{row.detector_ms:.0f}",
-            number(row.tracker_ms),
-        ]
-        for row in rows_of("detector").itertuples()
-    ]
-    heads = ["scene", "LiDAR", "tracks per frame", "detector, ms", "tracker and smoother, ms"]
-    return markdown(heads, rows)
+    return _table(
+        "detector",
+        {
+            "tracks per frame": "{tracks_per_frame:.0f}",
+            "detector, ms": "{detector_ms:.0f}",
+            "tracker and smoother, ms": lambda row: number(row["tracker_ms"]),
+        },
+    )
 
 
 def follow() -> str:
     """Returns a table of delays and memory of live tracking, a row per ten minutes."""
-    rows = [
-        [
-            f"{row.minute:.0f}",
-            f"{row.clouds:,}",
-            f"{row.lines:,}",
-            f"{row.delay_p50_ms:.0f}",
-            f"{row.delay_p95_ms:.0f}",
-            f"{row.delay_max_ms:.0f}",
-            f"{row.memory_mb:.0f}",
-            f"{row.load:.0f}",
-        ]
-        for row in results("follow").itertuples()
-    ]
-    heads = ["minute", "clouds", "lines", "median delay, ms", "95th percentile, ms", "longest, ms"]
-    return markdown([*heads, "memory, MB", "load average"], rows)
+    columns = {
+        "minute": "{minute:.0f}",
+        "clouds": "{clouds:,}",
+        "lines": "{lines:,}",
+        "median delay, ms": "{delay_p50_ms:.0f}",
+        "95th percentile, ms": "{delay_p95_ms:.0f}",
+        "longest, ms": "{delay_max_ms:.0f}",
+        "memory, MB": "{memory_mb:.0f}",
+        "load average": "{load:.0f}",
+    }
+    return of_rows(results("follow"), columns)

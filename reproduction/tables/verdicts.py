@@ -132,24 +132,15 @@ def detectors(scene: str, preset: str, subset: str = "captured") -> str:
     A detector with one or two replicates has no interval. The CPU seconds of the training, and the
     milliseconds of a frame on one thread, are means over both LiDARs.
     """
-    table = at_catalogue_law(at_own_cut_angle(results("experiments")))
-    latency = results("latency")
-    latency = latency[(latency.scene == scene) & (latency.preset == preset)]
-    ms_of = latency.groupby(["judge", "detector"]).latency_p50_ms.mean()
+    table, ms_of = _of_scene(scene, preset, subset)
     timed = len(ms_of) > 0
-    keep = (table.scene == scene) & (table.preset == preset) & (table.subset == subset)
-    table = table[keep & (table.label_time == "scan")]
     rows = []
     for (setup, name), words in TRAINED.items():
         part = table[(table["judge"] == setup) & (table.detector == name)]
         aps = part.pivot_table(index="replicate", columns="lidar", values="ap_r1000")
         if {WIDE, AVIA} <= set(aps):
             aps = aps.dropna(subset=[WIDE, AVIA])
-            cells = [
-                mean_of_ap(aps[WIDE]),
-                mean_of_ap(aps[AVIA]),
-                mean_of_ap(aps[AVIA] - aps[WIDE]),
-            ]
+            cells = [mean_of_ap(ap) for ap in (aps[WIDE], aps[AVIA], aps[AVIA] - aps[WIDE])]
             seconds = part[part.lidar.isin([WIDE, AVIA])].train_cpu_s.mean()
             times = [f"{seconds:.0f}" if seconds else ""]
             if timed:
@@ -160,20 +151,25 @@ def detectors(scene: str, preset: str, subset: str = "captured") -> str:
     return markdown(heads, rows)
 
 
+def _of_scene(scene: str, preset: str, subset: str) -> tuple[pd.DataFrame, pd.Series]:
+    """Returns the experiments of a scene, and the ms of a frame by judge and detector."""
+    table = at_catalogue_law(at_own_cut_angle(results("experiments")))
+    keep = (table.scene == scene) & (table.preset == preset) & (table.subset == subset)
+    latency = results("latency")
+    latency = latency[(latency.scene == scene) & (latency.preset == preset)]
+    times = latency.groupby(["judge", "detector"]).latency_p50_ms.mean()
+    return table[keep & (table.label_time == "scan")], times
+
+
 def means_of_detectors(scene: str, preset: str) -> tuple[pd.DataFrame, pd.Series, pd.Series]:
     """Returns AP (`captured`) by LiDAR, training CPU seconds, and milliseconds of a frame.
 
     The rows are pairs of judge and detector. The times are means over 128 lines and the Avia.
     """
-    table = at_catalogue_law(at_own_cut_angle(results("experiments")))
-    keep = (table.scene == scene) & (table.preset == preset) & (table.subset == "captured")
-    table = table[keep & (table.label_time == "scan") & table.lidar.isin((WIDE, AVIA))]
-    groups = table.groupby(["judge", "detector"])
+    table, times = _of_scene(scene, preset, "captured")
+    table = table[table.lidar.isin((WIDE, AVIA))]
     aps = table.groupby(["judge", "detector", "lidar"]).ap_r1000.mean().unstack()
-    latency = results("latency")
-    latency = latency[(latency.scene == scene) & (latency.preset == preset)]
-    times = latency.groupby(["judge", "detector"]).latency_p50_ms.mean()
-    return aps, groups.train_cpu_s.mean(), times
+    return aps, table.groupby(["judge", "detector"]).train_cpu_s.mean(), times
 
 
 def _of_detectors(row: Any) -> str:
@@ -237,15 +233,11 @@ def variance() -> str:
     names = {"ruby_plus": "128 lines", "avia": "Avia", "pandar_64": "64 lines"}
     names |= {"helios_16": "16 lines", DIFFERENCE: "Avia minus 128 lines"}
     rows = [
-        [text, *(_sd(table, (component, name)) for name in names)]
+        [text, *("" if pd.isna(sd) else f"{sd:.1f}" for sd in table[component].reindex([*names]))]
         for component, text in COMPONENTS.items()
         if component in table.index.get_level_values(0)
     ]
     return markdown(["component", *names.values()], rows)
-
-
-def _sd(table: pd.Series, key: tuple[str, str]) -> str:
-    return f"{table[key]:.1f}" if key in table.index else ""
 
 
 def costs() -> str:

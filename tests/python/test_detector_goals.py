@@ -44,7 +44,7 @@ def test_kinds_count_boxes_in_the_region_anywhere_and_in_queues() -> None:
 
 
 def test_figures_of_replicates_are_those_of_their_sites() -> None:
-    matches = goals.Matches(
+    matches = goals.Boxes(
         slot=np.array([0, 0, 1, 1]),
         scores=np.array([0.9, 0.6, 0.8, 0.3]),
         right=np.array([True, False, True, True]),

@@ -40,10 +40,6 @@ from pyinfra.models.ops.triton_layers import LARGEST_HEAD, LARGEST_SET, set_atte
 OVERLAP_WEIGHT = 2.0
 
 
-def _bev() -> BevConfig:
-    return BevConfig((1, 2, 2), (128, 128, 256), (1, 2, 2), 128)
-
-
 @dataclass(frozen=True)
 class Config:
     """Sizes of the network; the defaults are the published sizes."""
@@ -57,7 +53,9 @@ class Config:
     set_size: int = ruled(36, 1, 1024)  # largest number of pillars that attend to each other
     windows: tuple[int, ...] = ruled((12, 24), 1, 1024)  # window sides in cells; blocks alternate
     shifts: tuple[int, ...] = ruled((0, 6), 0, 1024)  # shifts of the windows, in cells
-    bev: BevConfig = field(default_factory=_bev)
+    bev: BevConfig = field(
+        default_factory=lambda: BevConfig((1, 2, 2), (128, 128, 256), (1, 2, 2), 128)
+    )
     head_width: int = ruled(64, 1, 512)  # channels of each branch of the head
     iou_share: float = ruled(0.68, 0, 1)  # exponent of the predicted IoU in the score of a box
 

@@ -63,10 +63,6 @@ UNSURE_M = 0.1  # key points up to this far outside a vehicle are left out of th
 LARGEST = 5.0  # largest logarithm of the ratio of a box's size to the proposal's size
 
 
-def _published_bev() -> BevConfig:
-    return BevConfig(layers=(5, 5), widths=(128, 256), strides=(1, 2), up_width=256)
-
-
 @dataclass(frozen=True)
 class Config:
     """Sizes of the network; the defaults are the published sizes."""
@@ -76,7 +72,11 @@ class Config:
     widths: tuple[int, int, int, int] = ruled((16, 32, 64, 64), 1, 512)  # channels of each level
     strides: tuple[int, int, int] = ruled((2, 2, 2), 1, 4)  # strides between levels along x and y
     canvas_width: int = ruled(128, 1, 512)  # channels of each height layer of the canvas
-    bev: BevConfig = field(default_factory=_published_bev)
+    bev: BevConfig = field(
+        default_factory=lambda: BevConfig(
+            layers=(5, 5), widths=(128, 256), strides=(1, 2), up_width=256
+        )
+    )
     anchors: AnchorConfig = field(default_factory=AnchorConfig)
     key_points: int = ruled(2048, 1, 65536)  # key points of a frame
     # largest distance of key points from proposals; 0: no limit

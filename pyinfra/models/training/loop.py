@@ -21,7 +21,7 @@ from torch import Tensor
 
 from pyinfra.core.config import as_plain, read_config
 from pyinfra.core.errors import ConfigError, Error
-from pyinfra.core.files import naming, replacing
+from pyinfra.core.files import naming, write
 from pyinfra.models.detectors import distributed, windows
 from pyinfra.models.detectors.batch import Batch, Windows, make_batch
 from pyinfra.models.detectors.catalogue import config_of
@@ -412,8 +412,7 @@ class Log:
         # A row can be incomplete, for example if the disk was full. Its step is not finished.
         whole = [row for row in rows if row.count(",") == rows[0].count(",")]
         kept = [row for row in whole[1:] if int(row.split(",")[0]) <= done]
-        with replacing(file) as beside:
-            beside.write_text("".join(f"{row}\n" for row in [*whole[:1], *kept]))
+        write(file, "".join(f"{row}\n" for row in [*whole[:1], *kept]))
 
     def __call__(self, p: Progress) -> None:
         new = self.file.stat().st_size == 0

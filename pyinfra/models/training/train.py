@@ -19,7 +19,7 @@ from tqdm import tqdm
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.config import as_plain
 from pyinfra.core.errors import ConfigError, Error
-from pyinfra.core.files import alone, replacing
+from pyinfra.core.files import alone, replacing, write
 from pyinfra.core.progress import is_shown
 from pyinfra.core.vocabulary import LabelTime
 from pyinfra.models.detectors.background import Background
@@ -267,8 +267,7 @@ def _reporting(
     """Writes `run.yaml`, and yields a function that displays and logs the progress of a step."""
     from pyinfra.models.training.loop import Log
 
-    with replacing(out / "run.yaml") as beside:
-        beside.write_text(yaml.safe_dump(as_plain(description), sort_keys=False))
+    write(out / "run.yaml", yaml.safe_dump(as_plain(description), sort_keys=False))
     log, steps = Log(out / "log.csv", done), description.steps
     hidden = quiet or not is_shown()
     bar = tqdm(total=steps, initial=done, unit="step", disable=hidden, file=sys.stderr)

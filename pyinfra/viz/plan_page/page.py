@@ -8,7 +8,7 @@ from typing import Any
 import jinja2
 
 from pyinfra.core.errors import FormatError
-from pyinfra.core.files import replacing
+from pyinfra.core.files import write
 from pyinfra.experiments.planner.plan import Plan
 from pyinfra.viz.page_file import check_file, write_page_file
 from pyinfra.viz.plan_page.files import DATA_FILE, PAGE_FILE
@@ -23,8 +23,7 @@ LARGEST_MB = 8.0
 def write_plan_page(plan: Plan, folder: Path) -> Path:
     """Writes the page and its data into the folder of a plan. Returns the file of the page."""
     data = plan_data(plan)
-    with replacing(folder / DATA_FILE) as beside:
-        beside.write_text(json.dumps(data, allow_nan=False), encoding="utf-8")
+    write(folder / DATA_FILE, json.dumps(data, allow_nan=False))
     write_view(plan, folder)
     return write_page(data, folder / PAGE_FILE)
 

@@ -7,9 +7,12 @@ Only this package makes them.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
+from typing import Any
+
+import pandas as pd
 
 from pyinfra.experiments.result_tables import TableFile
 
@@ -197,6 +200,36 @@ class Section:
     title: str
     lead: str
     blocks: Sequence[Block]
+
+
+# The functions of a row that return its cells or their texts, by the title of the column.
+Columns = Mapping[str, Callable[[Any], TableCell | str]]
+
+
+def table_of(
+    caption: str,
+    rows: pd.DataFrame,
+    columns: Columns,
+    source: TableFile,
+    *,
+    closed: bool = False,
+) -> Table:
+    """Returns a table with a line for each row.
+
+    A column whose cells have a sort key is one of numbers.
+    """
+    lines = [[of(row) for of in columns.values()] for row in rows.itertuples()]
+    cells = [[TableCell(c) if isinstance(c, str) else c for c in line] for line in lines]
+    heads = [
+        Column(title, number=any(line[k].sort is not None for line in cells))
+        for k, title in enumerate(columns)
+    ]
+    return Table(caption, heads, cells, source, closed)
+
+
+def number_in(column: str, form: str = ".1f") -> Callable[[Any], TableCell]:
+    """Returns a function of a row that returns the cell of a number and of its origin, if known."""
+    return lambda row: number(float(getattr(row, column)), form, str(getattr(row, "origin", "")))
 
 
 def number(value: float, form: str = ".1f", origin: str = "") -> TableCell:

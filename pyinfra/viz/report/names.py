@@ -1,9 +1,10 @@
 """Display names and order of LiDARs and detectors on the page."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pyinfra.dataset.catalogue import LIDARS, configs
 from pyinfra.formats.kitti import read_keys
@@ -90,6 +91,16 @@ def with_detector(name: str) -> str:
 def capitalized(name: str) -> str:
     """Returns a name with a capital first letter; the other letters stay as they are."""
     return name[:1].upper() + name[1:]
+
+
+def option_columns(names: Names) -> dict[str, Callable[[Any], str]]:
+    """Returns the columns of a table that name its options: functions of a row by title."""
+    return {
+        "LiDAR": lambda row: names.model(str(row.lidar)),
+        "Scene": lambda row: str(row.scene),
+        "Preset": lambda row: str(row.preset),
+        "Detector": lambda row: detector(str(row.detector)),
+    }
 
 
 def in_order(names: Iterable[str], first: Iterable[str]) -> list[str]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import jinja2
 
-from pyinfra.core.files import replacing
+from pyinfra.core.files import write
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.viz.page_file import check_file
 from pyinfra.viz.report.blocks import Section
@@ -35,9 +35,7 @@ def write_page(page: Page, file: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     for source in [*page.tables, *sources(page.sections)]:
         _write_source(source, folder / source.name)
-    text = render(page, folder.name)
-    with replacing(file) as beside:
-        beside.write_text(text, encoding="utf-8")
+    write(file, render(page, folder.name))
     return file
 
 
@@ -82,8 +80,7 @@ def sources(sections: Sequence[Section]) -> Iterator[TableFile]:
 
 
 def _write_source(source: TableFile, file: Path) -> None:
-    with replacing(file) as beside:
-        if isinstance(source.content, Path):
-            beside.write_bytes(source.content.read_bytes())
-        else:
-            source.content.to_csv(beside, index=False, float_format=CSV_DIGITS)
+    if isinstance(source.content, Path):
+        write(file, source.content.read_bytes())
+    else:
+        write(file, source.content.to_csv(index=False, float_format=CSV_DIGITS))

@@ -45,7 +45,8 @@ def inline(figure: Figure, name: str, label: str, dpi: int = 144) -> str:
     _rename_ids(root, f"{zlib.crc32(name.encode()):x}")
     for element in root.iter():
         for key, value in element.attrib.items():
-            element.set(key, _short(key, _painted(value)))
+            painted = COLOUR.sub(lambda m: _paint(m[0]), FONT.sub("", value))
+            element.set(key, _short(key, painted))
     width, height = (float(size) / POINTS_PER_PIXEL for size in root.get("viewBox", "").split()[2:])
     sizes = {"viewBox": root.get("viewBox", ""), "width": f"{width:.0f}", "height": f"{height:.0f}"}
     root.attrib.clear()
@@ -124,12 +125,6 @@ def _rename_ids(root: ElementTree.Element, prefix: str) -> None:
         name = element.attrib.pop("id", None)
         if name in used:
             element.set("id", f"{prefix}-{name}")
-
-
-def _painted(value: str) -> str:
-    """Returns an attribute with the page's variables in place of its colours."""
-    value = FONT.sub("", value)
-    return COLOUR.sub(lambda m: _paint(m[0]), value)
 
 
 def _short(key: str, value: str) -> str:

@@ -1,6 +1,7 @@
 """The section on average precision by LiDAR and detector, with every experiment."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,6 +13,7 @@ from pyinfra.viz.report.blocks import (
     NOTHING,
     Block,
     Column,
+    Columns,
     Section,
     Table,
     TableCell,
@@ -19,18 +21,14 @@ from pyinfra.viz.report.blocks import (
     number,
     shown,
     span,
+    table_of,
 )
-from pyinfra.viz.report.names import DETECTORS, capitalized, detector, in_order
+from pyinfra.viz.report.names import DETECTORS, capitalized, detector, in_order, option_columns
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.speed import timing_load
 
 TITLE = "Average precision"
 Note = Callable[[pd.Series], str]
-
-
-def no_note(row: pd.Series) -> str:
-    """Returns no note."""
-    return ""
 
 
 def section(material: Material) -> Section | None:
@@ -43,7 +41,7 @@ def section(material: Material) -> Section | None:
     return Section("accuracy", TITLE, _lead(experiments, done), blocks)
 
 
-def grids(material: Material, done: pd.DataFrame, note: Note = no_note) -> list[Table]:
+def grids(material: Material, done: pd.DataFrame, note: Note = lambda _: "") -> list[Table]:
     """Returns a table for each scene and preset. note: returns the text below the AP of a row."""
     return [
         _grid(material, rows, note)
@@ -106,46 +104,35 @@ def _failed(experiments: pd.DataFrame) -> list[Block]:
 
 def _all(material: Material, experiments: pd.DataFrame) -> Table:
     """Returns a table of every experiment of the benchmark."""
-    heads = [Column(c) for c in ("LiDAR", "Scene", "Preset", "Detector")]
     name = ap_name(experiments)
-    numbers = [
-        "Seed",
-        name,
-        f"{name}, common",
-        f"{name}, all",
-        f"{name}, present",
-        "Hidden, %",
-        "Objects",
-        "Outside region, per min",
-        "Training, s",
-        "Median, ms",
-        "95th percentile, ms",
-    ]
-    heads += [Column(c, number=True) for c in numbers]
-    rows = []
-    for row in experiments.assign(hidden=hidden_share(experiments)).itertuples():
-        origin = str(row.origin)
-        lidar = material.names.model(str(row.lidar))
-        first = TableCell(lidar, origin=origin, below=str(row.reason))
-        texts = [str(row.scene), str(row.preset), detector(str(row.detector))]
+
+    def lidar(row: Any) -> TableCell:
+        below = str(row.reason)
+        return TableCell(material.names.model(str(row.lidar)), origin=str(row.origin), below=below)
+
+    def ap(row: Any) -> TableCell:
         ends = span(row.ap_r1000_low, row.ap_r1000_high)
-        ap = TableCell(shown(row.ap_r1000), row.ap_r1000, origin, below=ends)
-        r1000 = (row.ap_common_r1000, row.ap_all_r1000, row.ap_present_r1000)
-        ap_of = [number(value) for value in r1000]
-        values = [*ap_of, number(100 * row.hidden, ".0f"), number(row.objects, ".0f")]
-        values.append(number(getattr(row, OFF_REGION)))
-        times = [row.train_seconds, row.latency_p50_ms, row.latency_p95_ms]
-        seed = TableCell(str(row.seed), float(str(row.seed)) if str(row.seed).isdigit() else np.nan)
-        rows.append(
-            [
-                first,
-                *(TableCell(t) for t in texts),
-                seed,
-                ap,
-                *values,
-                *(number(t, ".0f") for t in times),
-            ]
-        )
+        return TableCell(shown(row.ap_r1000), row.ap_r1000, str(row.origin), below=ends)
+
+    def seed(row: Any) -> TableCell:
+        text = str(row.seed)
+        return TableCell(text, float(text) if text.isdigit() else np.nan)
+
+    columns: Columns = {
+        **option_columns(material.names),
+        "LiDAR": lidar,
+        "Seed": seed,
+        name: ap,
+        f"{name}, common": lambda row: number(row.ap_common_r1000),
+        f"{name}, all": lambda row: number(row.ap_all_r1000),
+        f"{name}, present": lambda row: number(row.ap_present_r1000),
+        "Hidden, %": lambda row: number(100 * row.hidden, ".0f"),
+        "Objects": lambda row: number(row.objects, ".0f"),
+        "Outside region, per min": lambda row: number(getattr(row, OFF_REGION)),
+        "Training, s": lambda row: number(row.train_seconds, ".0f"),
+        "Median, ms": lambda row: number(row.latency_p50_ms, ".0f"),
+        "95th percentile, ms": lambda row: number(row.latency_p95_ms, ".0f"),
+    }
     caption = (
         "All experiments. Common: AP of the vehicles in the field of view of all LiDARs. All: AP "
         "of the vehicles of the region that are visible from the mount. Present: AP of all "
@@ -154,4 +141,5 @@ def _all(material: Material, experiments: pd.DataFrame) -> Table:
         "Training: CPU time of one core. Median and 95th percentile: latency from points to boxes "
         f"on one core ({timing_load(experiments)})."
     )
-    return Table(caption, heads, rows, material.results.source("experiments"), closed=True)
+    rows = experiments.assign(hidden=hidden_share(experiments))
+    return table_of(caption, rows, columns, material.results.source("experiments"), closed=True)

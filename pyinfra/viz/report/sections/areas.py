@@ -16,16 +16,17 @@ from pyinfra.viz.evaluation_plots import LABELS, STYLES, areas_plan
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Block,
-    Column,
+    Columns,
     Figure,
     LegendEntry,
     Panel,
     Section,
     Table,
     TableCell,
-    number,
+    number_in,
     shown,
     span,
+    table_of,
 )
 from pyinfra.viz.report.names import DETECTORS, detector, in_order
 from pyinfra.viz.report.report_data import Material
@@ -65,7 +66,11 @@ def _bars(material: Material, distance: pd.DataFrame) -> list[Block]:
     for preset in in_order(distance.preset, PRESETS):
         for truth in TRUTHS:
             rows = distance[(distance.preset == preset) & (distance.ground_truth == truth)]
-            panels = _bar_panels(material, rows)
+            panels = [
+                _bar_panel(material, rows[(rows.scene == scene) & (rows.detector == name)])
+                for scene in in_order(rows.scene, SCENES)
+                for name in in_order(rows[rows.scene == scene].detector, DETECTORS)
+            ]
             caption = f"Areas by quality, preset {preset}: {MEANING[truth]}."
             source = material.results.source("distance")
             name = f"figure-areas-{preset}-{truth}"
@@ -79,14 +84,6 @@ def _legend() -> list[LegendEntry]:
     return [
         LegendEntry(LABELS[q], svg.patch_swatch(look["facecolor"], _hatch(look["hatch"])))
         for q, look in STYLES.items()
-    ]
-
-
-def _bar_panels(material: Material, rows: pd.DataFrame) -> list[Panel]:
-    return [
-        _bar_panel(material, rows[(rows.scene == scene) & (rows.detector == name)])
-        for scene in in_order(rows.scene, SCENES)
-        for name in in_order(rows[rows.scene == scene].detector, DETECTORS)
     ]
 
 
@@ -169,21 +166,25 @@ def _hatch(hatch: str | None) -> str:
 
 
 def _table(material: Material, areas: pd.DataFrame) -> Table:
-    heads = [Column(c) for c in ("Scene, road", "LiDAR", "Preset", "Detector", "Ground truth")]
-    heads += [Column(c, number=True) for c in ("Areas", "High", "Undecided", "Share of high, %")]
     caption = (
         "Numbers of detection areas with enough vehicles, and of high-quality areas among them. "
         "The subset captured must not be used to compare positions of a sensor."
     )
-    rows = [_row(material, row) for row in areas.itertuples()]
-    return Table(caption, heads, rows, material.results.source("areas"), closed=len(rows) > 24)
+    columns: Columns = {
+        "Scene, road": lambda row: f"{row.scene}, {row.road}",
+        "LiDAR": lambda row: material.names.model(row.lidar),
+        "Preset": lambda row: str(row.preset),
+        "Detector": lambda row: detector(row.detector),
+        "Ground truth": lambda row: str(row.ground_truth),
+        "Areas": number_in("n_tda", ".0f"),
+        "High": number_in("n_hqda", ".0f"),
+        "Undecided": number_in("undecided", ".0f"),
+        "Share of high, %": _share,
+    }
+    source = material.results.source("areas")
+    return table_of(caption, areas, columns, source, closed=len(areas) > 24)
 
 
-def _row(material: Material, row: Any) -> list[TableCell]:
-    share = TableCell(
-        shown(row.p_hqda), row.p_hqda, str(row.origin), below=span(row.p_low, row.p_high, ".0f")
-    )
-    texts = [f"{row.scene}, {row.road}", material.names.model(row.lidar), row.preset]
-    texts += [detector(row.detector), row.ground_truth]
-    counts = [number(n, ".0f", str(row.origin)) for n in (row.n_tda, row.n_hqda, row.undecided)]
-    return [*(TableCell(text) for text in texts), *counts, share]
+def _share(row: Any) -> TableCell:
+    below = span(row.p_low, row.p_high, ".0f")
+    return TableCell(shown(row.p_hqda), row.p_hqda, str(row.origin), below=below)

@@ -7,7 +7,6 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure as Drawing
 
@@ -181,7 +180,8 @@ def _above(view: Snapshot, boxes: FloatArray | None = None) -> Drawing:
         clouds.bird_view(axes, view, window, point_size=0.6, headings=False)
         axes.tick_params(labelsize=7, length=2)
         if boxes is not None:
-            _outline(axes, boxes)
+            look: Any = {"facecolors": "none", "edgecolors": PREDICTED, "linewidths": 1.4}
+            axes.add_collection(PolyCollection(list(footprints(boxes)), zorder=4, **look))
     return figure
 
 
@@ -226,7 +226,7 @@ def _boxes(material: Material) -> list[Block]:
         frame = frame_of(material, data)
         shown_runs = [r for r in material.runs if is_of(r, data) and r.prediction(frame).is_file()]
         pairs = [_pair(shown_runs, lidar) for lidar in material.names.sorted(data.names)]
-        runs = max(pairs, key=lambda pair: (_of_the_paper(pair), len(pair)))
+        runs = max(pairs, key=lambda p: (sum(r.detector in FIRST_RUNS for r in p), len(p)))
         if runs:
             figures.append(_boxes_figure(material, data, runs, frame))
     return figures
@@ -236,10 +236,6 @@ def _pair(runs: list[Run], lidar: str) -> list[Run]:
     """Returns at most two runs of a LiDAR. Runs of FIRST_RUNS come first."""
     of_lidar = [run for run in runs if run.lidar == lidar]
     return sorted(of_lidar, key=lambda r: (r.detector not in FIRST_RUNS, r.detector))[:2]
-
-
-def _of_the_paper(runs: list[Run]) -> int:
-    return sum(run.detector in FIRST_RUNS for run in runs)
 
 
 def _boxes_figure(material: Material, data: DataSet, runs: list[Run], frame: int) -> Block:
@@ -271,11 +267,6 @@ def _predicted(data: DataSet, run: Run, frame: int) -> FloatArray:
     cameras = read_cameras(folder, [frame])
     predictions = read_predictions([run.prediction(frame)], cameras)
     return np.asarray(predictions.boxes[predictions.scores >= SHOWN_SCORE])
-
-
-def _outline(axes: Axes, boxes: FloatArray) -> None:
-    look: dict[str, Any] = {"facecolors": "none", "edgecolors": PREDICTED, "linewidths": 1.4}
-    axes.add_collection(PolyCollection(list(footprints(boxes)), zorder=4, **look))
 
 
 def _speeds(data_sets: Sequence[DataSet]) -> Block:

@@ -12,9 +12,17 @@ from pyinfra.experiments.requirements import frame_ms
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics.row_selection import ap_name
 from pyinfra.viz.report import svg
-from pyinfra.viz.report.blocks import Column, Figure, LegendEntry, Panel, Section, Table, TableCell
-from pyinfra.viz.report.blocks import number as number_cell
-from pyinfra.viz.report.names import DETECTORS, detector, in_order
+from pyinfra.viz.report.blocks import (
+    Columns,
+    Figure,
+    LegendEntry,
+    Panel,
+    Section,
+    Table,
+    number_in,
+    table_of,
+)
+from pyinfra.viz.report.names import DETECTORS, detector, in_order, option_columns
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.style import FAINT, GROUND, drawing, log_ticks, panel
 from pyinfra.viz.scanning_plots import MARKERS
@@ -149,20 +157,14 @@ def _mark(material: Material, ax: Any, row: Any, cost: str) -> None:
 
 def _table(material: Material, rows: pd.DataFrame) -> Table:
     """Returns a table of the Pareto front of AP and latency."""
-    heads = [Column(c) for c in ("LiDAR", "Scene", "Preset", "Detector")]
-    heads += [
-        Column(c, number=True)
-        for c in (ap_name(rows), "Median, ms", "95th percentile, ms", "Training, s")
-    ]
-    lines = []
-    for row in rows.itertuples():
-        origin = str(row.origin)
-        texts = [material.names.model(str(row.lidar)), str(row.scene), str(row.preset)]
-        texts.append(detector(str(row.detector)))
-        times = (row.latency_p50_ms, row.latency_p95_ms, row.train_seconds)
-        numbers = [number_cell(float(row.ap_r1000), origin=origin)]
-        numbers += [number_cell(float(t), ".0f", origin) for t in times]
-        lines.append([*(TableCell(t) for t in texts), *numbers])
+    name = ap_name(rows)
+    columns: Columns = {
+        **option_columns(material.names),
+        name: number_in("ap_r1000"),
+        "Median, ms": number_in("latency_p50_ms", ".0f"),
+        "95th percentile, ms": number_in("latency_p95_ms", ".0f"),
+        "Training, s": number_in("train_seconds", ".0f"),
+    }
     source = TableFile("report_pareto_latency.csv", rows)
-    caption = f"The Pareto front of {ap_name(rows)} and latency."
-    return Table(caption, heads, lines, source, closed=len(lines) > 12)
+    caption = f"The Pareto front of {name} and latency."
+    return table_of(caption, rows, columns, source, closed=len(rows) > 12)

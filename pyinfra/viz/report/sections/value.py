@@ -14,14 +14,17 @@ from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Block,
     Column,
+    Columns,
     Figure,
     Panel,
     Section,
     Table,
     TableCell,
     number,
+    number_in,
+    table_of,
 )
-from pyinfra.viz.report.names import DETECTORS, detector, in_order
+from pyinfra.viz.report.names import DETECTORS, in_order, option_columns
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.distance import legend
 from pyinfra.viz.report.style import FAINT, GROUND, drawing, log_ticks, panel
@@ -129,32 +132,20 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
 
 
 def _table(material: Material, value: pd.DataFrame) -> Table:
-    heads = [Column(c) for c in ("LiDAR", "Scene", "Preset", "Detector")]
     name = ap_name(value)
-    heads += [Column(name, number=True), Column(f"{name}, whole road", number=True)]
-    heads += [Column(title, number=True) for title, _ in HEADS.values()]
-    rows = [_row(material, row) for _, row in value.iterrows()]
-    return Table(
+    caption = (
         "Performance per dollar. An option that is not on the Pareto front is dominated by the "
-        "option in the last column.",
-        [*heads, Column("Dominated by")],
-        rows,
-        material.results.source("value"),
-        closed=len(rows) > 16,
+        "option in the last column."
     )
-
-
-def _row(material: Material, row: pd.Series) -> list[TableCell]:
-    texts = [material.names.model(row.lidar), row.scene, row.preset, detector(row.detector)]
-    values = [number(float(row[c]), form, str(row.origin)) for c, (_, form) in HEADS.items()]
-    dominating = TableCell(spelled(material, str(row.dominated_by)))
-    return [
-        *(TableCell(str(t)) for t in texts),
-        number(row.ap_r1000),
-        number(row.ap_whole_r1000),
-        *values,
-        dominating,
-    ]
+    columns: Columns = {
+        **option_columns(material.names),
+        name: lambda row: number(row.ap_r1000),
+        f"{name}, whole road": lambda row: number(row.ap_whole_r1000),
+        **{title: number_in(column, form) for column, (title, form) in HEADS.items()},
+        "Dominated by": lambda row: spelled(material, str(row.dominated_by)),
+    }
+    source = material.results.source("value")
+    return table_of(caption, value, columns, source, closed=len(value) > 16)
 
 
 def spelled(material: Material, text: str) -> str:
@@ -180,10 +171,11 @@ def _prices(material: Material, prices: pd.DataFrame) -> Table:
         low, high = float(row.price_low_usd), float(row.price_high_usd)
         price = f"{low:,.0f}" if low == high else f"{low:,.0f} to {high:,.0f}"
         first = [TableCell(material.names.label(row.lidar)), number(row.units, ".0f")]
-        words = ["" if pd.isna(row[c]) else str(row[c]) for c in more]
         others = [
-            _value_cell(word, float(numbers[c][at]), row.origin)
-            for c, word in zip(more, words, strict=True)
+            TableCell("" if pd.isna(row[c]) else str(row[c]))
+            if math.isnan(value := float(numbers[c][at]))
+            else TableCell(f"{value:.4g}", value, row.origin)
+            for c in more
         ]
         source = TableCell(f"{row.price_source}, {row.price_date}".strip(", "))
         rows.append([*first, TableCell(price, low, row.origin), *others, source])
@@ -197,7 +189,3 @@ def _title(column: str) -> str:
         if column.endswith(unit):
             column = column.removesuffix(unit) + shown
     return column.replace("_", " ").replace("fov", "field of view").capitalize()
-
-
-def _value_cell(text: str, value: float, origin: str) -> TableCell:
-    return TableCell(text) if math.isnan(value) else TableCell(f"{value:.4g}", value, origin)
