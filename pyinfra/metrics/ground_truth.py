@@ -8,6 +8,7 @@ import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.errors import Error
+from pyinfra.core.rows import concatenated
 from pyinfra.core.vocabulary import Subset
 from pyinfra.dataset import regions
 from pyinfra.dataset.data_set import MIN_VISIBILITY, field_of_view_mask, is_of_lanes, read_lidars
@@ -224,11 +225,6 @@ def _with(vehicles: Vehicles, extra: Vehicles) -> Vehicles:
 
     For the vehicles of `extra`, `points` is 0 and `boxes` holds the boxes at mid-frame.
     """
-    columns = {
-        name: np.concatenate([vars(vehicles)[name], vars(extra)[name]]) for name in vars(vehicles)
-    }
-    columns["points"][len(vehicles) :] = 0
-    columns["boxes"][len(vehicles) :] = extra.mid_frame
-    joined = Vehicles(**columns)
-    order = np.argsort(joined.frame, kind="stable")
-    return Vehicles(**{name: column[order] for name, column in vars(joined).items()})
+    added = replace(extra, points=np.zeros_like(extra.points), boxes=extra.mid_frame)
+    joined = concatenated([vehicles, added])
+    return joined.select(np.argsort(joined.frame, kind="stable"))

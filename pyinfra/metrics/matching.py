@@ -18,6 +18,7 @@ import numpy as np
 
 from pyinfra.core import boxes as overlap
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.rows import Rows
 
 Metric = Literal["bev", "3d", "centre"]
 
@@ -32,15 +33,12 @@ _PAIRS = 500_000  # number of pairs that are processed together
 
 
 @dataclass(frozen=True, eq=False)
-class Pairs:
+class Pairs(Rows):
     """n pairs of a prediction and a vehicle of the same frame that overlap."""
 
     prediction: IntArray  # (n,)
     vehicle: IntArray  # (n,)
     iou: FloatArray  # (n,)
-
-    def select(self, keep: BoolArray | IntArray) -> Pairs:
-        return Pairs(self.prediction[keep], self.vehicle[keep], self.iou[keep])
 
 
 def overlapping_pairs(

@@ -10,6 +10,7 @@ import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.boxes import centres_within_reach, pair_bev_overlap
+from pyinfra.core.rows import Rows
 from pyinfra.core.vocabulary import OBJECT_CLASSES, PERSON_TYPES
 from pyinfra.tracking.motion import STATES, axes
 
@@ -22,14 +23,11 @@ ACROSS_M, ACROSS_PER_M = 0.12, 0.001
 
 
 @dataclass(frozen=True, eq=False)
-class Boxes:
+class Boxes(Rows):
     """The n boxes of one frame, in the levelled LiDAR frame."""
 
     values: FloatArray  # (n, 7) x y z dx dy dz heading
     votes: FloatArray  # (n, len(TYPES)) score of each type
-
-    def __len__(self) -> int:
-        return len(self.values)
 
     @property
     def scores(self) -> FloatArray:
@@ -46,9 +44,6 @@ class Boxes:
         distance = np.hypot(self.values[:, 0], self.values[:, 1])
         along = ALONG_M + ALONG_PER_M * distance
         return axes(self.values[:, 6], along, ACROSS_M + ACROSS_PER_M * distance)
-
-    def select(self, rows: IntArray | BoolArray) -> Boxes:
-        return Boxes(self.values[rows], self.votes[rows])
 
     def merged(self) -> Boxes:
         """Returns the boxes without those that mostly lie in a better box.
