@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.arrays import AnyArray, FloatArray, IntArray
+from pyinfra.core.arrays import FloatArray, IntArray
 from pyinfra.core.vocabulary import Subset
 from pyinfra.dataset.windows import EVERY_ROAD, Window
 from pyinfra.metrics import ap
 from pyinfra.metrics.comparison import Bootstrapped
+from pyinfra.metrics.intervals import ratio
 from pyinfra.metrics.label_free_quality import CUTS
 from pyinfra.metrics.match_input import MatchInput
 from pyinfra.metrics.match_results import CAUSES, MatchResult, causes, count_matches, precision
@@ -238,7 +239,7 @@ def high_quality_share(distance: pd.DataFrame, replicates: FloatArray) -> FloatA
     """
     shown = ((distance.quality != "few") & distance.ap_r1000_low.notna()).to_numpy()
     defined = (~np.isnan(replicates[shown])).sum(0)
-    return _ratio(100.0 * (replicates[shown] > HIGH_QUALITY).sum(0), defined)
+    return ratio(100.0 * (replicates[shown] > HIGH_QUALITY).sum(0), defined)
 
 
 def error_table(match_result: MatchResult) -> pd.DataFrame:
@@ -282,7 +283,7 @@ def _error(match_result: MatchResult, values: FloatArray, slot: IntArray) -> dic
     counts = np.bincount(slot, minlength=weights.shape[1])
     has_values = len(values) > 0
     mean = float(absolute.mean()) if has_values else math.nan
-    replicates = _ratio(weights @ sums, weights @ counts)
+    replicates = ratio(weights @ sums, weights @ counts)
     low, high = match_result.interval(mean, replicates, counts, most=math.inf)
     return {
         "mean": values.mean() if has_values else math.nan,
@@ -305,7 +306,7 @@ def false_positive_table(match_result: MatchResult, iou: float, *, strict: bool)
         counts = np.bincount(slot[names == cause], minlength=weights.shape[1])
         count = int(counts.sum())
         share = 100 * count / len(names) if len(names) > 0 else math.nan
-        replicates = 100 * _ratio(weights @ counts, weights @ total)
+        replicates = 100 * ratio(weights @ counts, weights @ total)
         low, high = map(float, match_result.interval(share, replicates, total))
         rows.append({"cause": cause, "count": count, "share": share, "low": low, "high": high})
     return pd.DataFrame(rows)
@@ -329,11 +330,6 @@ def off_region_table(match_input: MatchInput, matches: IntArray) -> pd.DataFrame
             row |= {name: count, f"{name}_per_min": count / minutes}
         rows.append(row)
     return pd.DataFrame(rows)
-
-
-def _ratio(above: AnyArray, below: AnyArray) -> FloatArray:
-    out = np.full(above.shape, np.nan)
-    return np.asarray(np.divide(above, below, out=out, where=below > 0))
 
 
 def _ap_with_interval(

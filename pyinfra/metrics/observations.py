@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.errors import Error
@@ -236,11 +237,5 @@ def moving(vehicles: Observations, min_speed: float = 1.0) -> BoolArray:
 
 def same_rows(a: Observations, b: Observations) -> tuple[BoolArray, BoolArray]:
     """Returns masks of the rows in two tables that have the same frame and id in both."""
-    keys = [set(zip(t.frame.tolist(), t.ids.tolist(), strict=True)) for t in (a, b)]
-    both = keys[0] & keys[1]
-    return _member(a, both), _member(b, both)
-
-
-def _member(table: Observations, keys: set[tuple[int, int]]) -> BoolArray:
-    rows = zip(table.frame.tolist(), table.ids.tolist(), strict=True)
-    return np.array([row in keys for row in rows], dtype=np.bool_)
+    first, second = (pd.MultiIndex.from_arrays([t.frame, t.ids]) for t in (a, b))
+    return first.isin(second), second.isin(first)

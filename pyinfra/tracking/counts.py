@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.errors import Error
-from pyinfra.core.files import replacing
 from pyinfra.core.names import path_of
 from pyinfra.core.present import Presented
 from pyinfra.core.public import public
 from pyinfra.core.vocabulary import KM_H
+from pyinfra.formats.csv_table import write_tables
 from pyinfra.tracking.lines import AnyLines, Line, lines_of
 from pyinfra.tracking.movements import movements
 from pyinfra.tracking.passages import passages
@@ -58,10 +58,7 @@ class Counts(Presented):
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Writes each table as a CSV file, such as flows.csv, and returns the folder."""
         out = path_of(folder, "folder")
-        out.mkdir(parents=True, exist_ok=True)
-        for name in TABLES:
-            with replacing(out / f"{name}.csv") as beside:
-                getattr(self, name).to_csv(beside, index=False, float_format="%.6g")
+        write_tables(out, {name: getattr(self, name) for name in TABLES}, "%.6g")
         return out
 
 

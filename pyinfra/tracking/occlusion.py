@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray
-from pyinfra.core.boxes import footprints
+from pyinfra.core.boxes import footprints, wrapped
 from pyinfra.dataset.data_set import field_of_view_mask
 from pyinfra.dataset.regions import Region
 from pyinfra.formats import kitti
@@ -71,14 +71,10 @@ def hidden_behind(boxes: FloatArray, others: FloatArray, sensor: FloatArray) -> 
     distance, nearer = np.hypot(at[:, 0], at[:, 1]), np.hypot(blocker[:, 0], blocker[:, 1])
     azimuth, middle = np.arctan2(at[:, 1], at[:, 0]), np.arctan2(blocker[:, 1], blocker[:, 0])
     corners = footprints(others) - sensor[:2]
-    off = _turn(np.arctan2(corners[:, :, 1], corners[:, :, 0]) - middle[:, None])
-    turn = _turn(azimuth[:, None] - middle)
+    off = wrapped(np.arctan2(corners[:, :, 1], corners[:, :, 0]) - middle[:, None])
+    turn = wrapped(azimuth[:, None] - middle)
     between = (turn >= off.min(axis=1, initial=0)) & (turn <= off.max(axis=1, initial=0))
     top = at[:, 2] + boxes[:, 5] / 2
     ray = top[:, None] * nearer / np.maximum(distance, 1e-6)[:, None]  # height of the ray there
     blocked = ray < blocker[:, 2] + others[:, 5] / 2
     return np.asarray((between & blocked & (nearer < distance[:, None] - 1)).any(axis=1))
-
-
-def _turn(angle: FloatArray) -> FloatArray:
-    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

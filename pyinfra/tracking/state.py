@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
-from pyinfra.core.boxes import centres_within_reach, pair_bev_overlap
+from pyinfra.core.boxes import centres_within_reach, pair_bev_overlap, wrapped
 from pyinfra.core.rows import Rows
 from pyinfra.core.vocabulary import OBJECT_CLASSES, PERSON_TYPES
 from pyinfra.tracking.motion import STATES, axes
@@ -155,8 +155,3 @@ def shared(boxes: FloatArray) -> tuple[IntArray, FloatArray]:
     first, second = boxes[pairs[:, 0]], boxes[pairs[:, 1]]
     area = np.minimum(first[:, 3] * first[:, 4], second[:, 3] * second[:, 4])
     return pairs, np.asarray(pair_bev_overlap(first, second) / np.maximum(area, 1e-6))
-
-
-def wrapped(angle: FloatArray) -> FloatArray:
-    """Returns angles in [-pi, pi)."""
-    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

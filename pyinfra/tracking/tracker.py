@@ -13,11 +13,11 @@ from scipy.optimize import linear_sum_assignment
 from scipy.special import logit
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
-from pyinfra.core.boxes import bev_overlap
+from pyinfra.core.boxes import bev_overlap, wrapped
 from pyinfra.core.errors import Error
 from pyinfra.tracking import motion
 from pyinfra.tracking.occlusion import View
-from pyinfra.tracking.state import SAME, Boxes, Tracks, shared, wrapped
+from pyinfra.tracking.state import SAME, Boxes, Tracks, shared
 
 # Gate of a squared Mahalanobis distance: 99.9 % of the chi-squared distribution with two degrees.
 GATE = 13.8

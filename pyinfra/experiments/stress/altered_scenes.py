@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 
 from pyinfra.core.errors import Error
-from pyinfra.core.files import held, replacing, resolved
+from pyinfra.core.files import held, resolved, write
 from pyinfra.dataset import simulation, split
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.frames import frame_numbers, lidar_folder, period_of
@@ -287,8 +287,7 @@ def _written(texts: dict[str, str], altered: AlteredScene, folder: Path) -> tupl
     """Writes the texts to a folder; returns the files of the scene and of the LiDAR."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
-        with replacing(folder / name) as beside:
-            beside.write_text(text, "utf-8")
+        write(folder / name, text)
     return folder / SCENE, lidar_file(altered.lidar) if altered.lidar else folder / lidar.FILE
 
 
