@@ -6,14 +6,14 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.core.names import path_of
 from pyinfra.core.public import public
-from pyinfra.core.vocabulary import TIERS, Tier
+from pyinfra.core.vocabulary import Tier
 from pyinfra.experiments.options import Option, read_options
 from pyinfra.experiments.requirements import Requirements, checked_requirements, unlike
 from pyinfra.metrics.comparison import Interval
@@ -88,8 +88,6 @@ def recommend(
     >>> table[["lidar", "detector", "meets"]].values.tolist()
     [['helios_16', 'background', True]]
     """
-    if tier not in get_args(Tier):
-        raise Error(f"tier: expected one of {', '.join(TIERS)}, got '{tier}'")
     requirements = checked_requirements(budget_usd, min_ap, range_m, latency_ms)
     folder = path_of(results, "results")
     try:

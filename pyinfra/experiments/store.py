@@ -6,12 +6,15 @@ run again (`fill`).
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import pandas as pd
 from pandas.api.types import is_string_dtype
 
 from pyinfra.core.files import held
 from pyinfra.formats.csv_table import WORDS, existing, read_csv, write_csv
+
+Key = TypeVar("Key")
 
 
 def read(file: Path, words: Sequence[str] = ()) -> pd.DataFrame:
@@ -76,5 +79,13 @@ def has_each(table: pd.DataFrame, keys: Sequence[Mapping[str, object]]) -> list[
     if table.empty or not keys:
         return [False] * len(keys)
     wanted = pd.DataFrame(keys)
-    present: list[bool] = among(wanted, table, list(wanted)).to_list()
-    return present
+    return list(among(wanted, table, list(wanted)))
+
+
+def with_row(keys: Sequence[Key], table: pd.DataFrame, *, present: bool = True) -> list[Key]:
+    """Returns the keys that have a row in the table; without `present`, those that have none.
+
+    keys: objects of one class, whose attributes are the key of a row.
+    """
+    there = has_each(table, [vars(key) for key in keys])
+    return [key for key, has_row in zip(keys, there, strict=True) if has_row == present]

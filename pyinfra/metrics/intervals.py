@@ -190,6 +190,5 @@ def ranks_of_median(samples: int, level: float = LEVEL) -> tuple[int, int]:
 
 def ratio(above: FloatArray, below: FloatArray) -> FloatArray:
     """Returns above / below for arrays of equal shapes; NaN where below is 0."""
-    out: FloatArray = np.full(np.broadcast_shapes(above.shape, below.shape), np.nan)
-    np.divide(above, below, out=out, where=below != 0)
-    return out
+    out = np.full(np.broadcast_shapes(above.shape, below.shape), np.nan)
+    return np.divide(above, below, out=out, where=below != 0)

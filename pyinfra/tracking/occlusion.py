@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,19 +19,14 @@ LEFT_M = 2.0  # a box this far outside the region has left it
 class View:
     """What the sensors of frames can see, in the levelled frame.
 
-    sensors: positions (k, 3). lidar, tilt: their fields of view, if known. region: the area in
-    which a detector returns vehicles, if known.
+    sensors: positions (k, 3); by default one at the origin. lidar, tilt: their fields of view, if
+    known. region: the area in which a detector returns vehicles, if known.
     """
 
-    sensors: FloatArray
+    sensors: FloatArray = field(default_factory=lambda: np.zeros((1, 3)))
     lidar: kitti.Lidar | None = None
     tilt: kitti.Tilt | None = None
     region: Region | None = None
-
-    @classmethod
-    def unknown(cls) -> View:
-        """Returns the view of one sensor at the origin."""
-        return cls(np.zeros((1, 3)))
 
     @classmethod
     def of(cls, lidar: kitti.Lidar, tilt: kitti.Tilt, region: Region | None) -> View:

@@ -77,7 +77,7 @@ class Tracker:
 
     def __init__(self, settings: TrackSettings | None = None, view: View | None = None) -> None:
         self.settings = settings or TrackSettings()
-        self.view = view or View.unknown()
+        self.view = view or View()
         self.tracks = Tracks.none()
         self.time_s: float | None = None
         self.next_id = 1

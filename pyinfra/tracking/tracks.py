@@ -87,7 +87,7 @@ def track(
 def view_of(frames: FrameSequence | None) -> View:
     """Returns the view of the frames' sensors; without frames, that of a sensor at the origin."""
     if frames is None or frames.lidar is None:
-        return View.unknown()
+        return View()
     if isinstance(frames, SimulatedFrames):
         return View.of(frames.lidar, frames.tilt, frames.region)
     assert isinstance(frames, RecordedFrames)
@@ -193,13 +193,11 @@ def _table(parts: Sequence[tuple[int, float, Tracks]], *, smooth: bool) -> pd.Da
     rows, frame, time_s = all_rows.select(order), frame[order], time_s[order]
     if smooth:
         _smooth(rows, time_s)
-    table = table_of(rows, frame, time_s)
-    return table.sort_values(["frame", "id"], ignore_index=True)
+    return table_of(rows, frame, time_s).sort_values(["frame", "id"], ignore_index=True)
 
 
 def _last_seen(rows: Tracks) -> FloatArray:
-    last = pd.Series(rows.last_s).groupby(rows.ids).transform("max")
-    return np.asarray(last, dtype=np.float64)
+    return np.asarray(pd.Series(rows.last_s).groupby(rows.ids).transform("max"), np.float64)
 
 
 def _smooth(rows: Tracks, time_s: FloatArray) -> None:

@@ -65,8 +65,8 @@ def traffic_seed(plan: Plan, scene: str) -> int | None:
     """Returns the traffic seed of a plan's scene; None for the seed in the scene's file."""
     if not plan.traffic_offset:
         return None
-    seed: int = yaml.safe_load(resolved(plan.files["scenes", scene]))["seed"]
-    return seed + plan.traffic_offset
+    scene_keys = yaml.safe_load(resolved(plan.files["scenes", scene]))
+    return int(scene_keys["seed"]) + plan.traffic_offset
 
 
 def check_names(plan: Plan) -> None:

@@ -15,9 +15,9 @@ from pyinfra.core.arrays import BoolArray
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.names import StrPath, file_or_name
 from pyinfra.dataset import simulation
-from pyinfra.dataset.catalogue import configs
+from pyinfra.dataset.catalogue import configs, shipped
 from pyinfra.dataset.frames import PERIOD_S
-from pyinfra.dataset.lidars import UNCONFIRMED, catalogue_files, presets_of, price_source
+from pyinfra.dataset.lidars import UNCONFIRMED, presets_of, price_source
 from pyinfra.experiments.planner.detectability import Detectability
 from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.experiments.stress.lidar import spins
@@ -95,7 +95,7 @@ def common_period_s(names: Sequence[StrPath], preset: str) -> float:
 
 
 def _files(names: Sequence[StrPath], preset: str) -> list[Path]:
-    files = {file.stem: file for file in catalogue_files()}
+    files = shipped("lidars")
     if not names:
         names = [name for name, file in files.items() if preset in presets_of(file)]
     return [file_or_name(name, files, "lidars") for name in names]

@@ -8,7 +8,7 @@ import yaml
 
 from pyinfra.core.errors import FormatError
 from pyinfra.core.files import resolved
-from pyinfra.formats.kitti import read_written_keys
+from pyinfra.formats.kitti import read_written_keys as read
 
 Keys = dict[str, Any]
 
@@ -16,11 +16,6 @@ DESCRIPTIVE_KEYS = ("name", "model")
 UNIT = ("yaw_deg", "pitch_deg", "pattern", "returns")
 NOT_TURNED = {"yaw_deg": 0, "pitch_deg": 0}
 FILE = "lidar.yaml"
-
-
-def read(file: Path) -> Keys:
-    """Reads all keys of a `lidar.yaml` with its preset applied. Raises FormatError."""
-    return read_written_keys(file)
 
 
 def units_of(config: Keys) -> list[Keys]:
