@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -51,8 +50,7 @@ class Boxes(Rows):
         A detector of several types returns a box for each type that an object may have. The box
         that stays gets the score of each type.
         """
-        order = np.argsort(-self.votes.max(axis=1, initial=0), kind="stable")
-        boxes = self.select(order)
+        boxes = self.select(np.argsort(-self.votes.max(axis=1, initial=0), kind="stable"))
         kept = np.ones(len(boxes), dtype=bool)
         votes = boxes.votes.copy()
         pairs, share = shared(boxes.values)
@@ -64,7 +62,7 @@ class Boxes(Rows):
 
 
 @dataclass(eq=False)
-class Tracks:
+class Tracks(Rows):
     """The n tracks after a frame."""
 
     ids: IntArray  # (n,)
@@ -83,9 +81,6 @@ class Tracks:
     frames_missed: IntArray  # (n,) frames without
     seen: BoolArray  # (n,) whether the last frame has a box
     hidden: BoolArray  # (n,) whether another object hides it in the last frame
-
-    def __len__(self) -> int:
-        return len(self.ids)
 
     @classmethod
     def none(cls) -> Self:
@@ -120,14 +115,6 @@ class Tracks:
             seen=np.ones(n, dtype=bool),
             hidden=np.zeros(n, dtype=bool),
         )
-
-    def select(self, rows: IntArray) -> Tracks:
-        return Tracks(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
-
-    @staticmethod
-    def concatenated(parts: Sequence[Tracks]) -> Tracks:
-        names = [f.name for f in fields(Tracks)]
-        return Tracks(**{n: np.concatenate([getattr(part, n) for part in parts]) for n in names})
 
     @property
     def types(self) -> IntArray:
