@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from pyinfra.core.errors import Error, FindingWarning
+from pyinfra.core.names import repeated
 from pyinfra.core.public import CALLER, public
 from pyinfra.dataset.frame_sequence import SimulatedFrames
 from pyinfra.dataset.loading import AnyLidar, AnyLidars, load_lidar, load_scene
@@ -142,9 +143,7 @@ def simulate(
     sequences = {
         unit.name: SimulatedFrames(world, unit, numbers, threads, returns=returns) for unit in units
     }
-    if len(sequences) < len(units):
-        names = [unit.name for unit in units]
-        twice = next(name for name in names if names.count(name) > 1)
+    if twice := repeated([unit.name for unit in units]):
         raise Error(f"lidar: expected different LiDARs, got {twice} twice")
     for sequence in sequences.values():
         sequence.beside = {n: other for n, other in sequences.items() if other is not sequence}

@@ -13,7 +13,7 @@ import yaml
 
 from pyinfra.core.arrays import BoolArray
 from pyinfra.core.errors import Error, FormatError
-from pyinfra.core.names import StrPath, file_or_name
+from pyinfra.core.names import StrPath, file_or_name, repeated
 from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import configs, shipped
 from pyinfra.dataset.frames import PERIOD_S
@@ -76,9 +76,8 @@ def open_lidars(names: Sequence[StrPath], site: PlanSite) -> list[PlanLidar]:
     """Opens LiDARs by name or file; without names, all of the catalogue that have the preset."""
     world = simulation.load_scene(site.file, preset=site.preset, mount=site.mount)
     lidars = [_open(file, site.preset, world) for file in _files(names, site.preset)]
-    every = [lidar.name for lidar in lidars]
-    if twice := [name for name in every if every.count(name) > 1]:
-        raise Error(f"lidars: expected each LiDAR once, got {twice[0]} twice")
+    if twice := repeated([lidar.name for lidar in lidars]):
+        raise Error(f"lidars: expected each LiDAR once, got {twice} twice")
     return lidars
 
 

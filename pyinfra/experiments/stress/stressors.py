@@ -8,7 +8,7 @@ import numpy as np
 
 from pyinfra.core.arrays import Points
 from pyinfra.core.errors import Error
-from pyinfra.core.names import suggestion
+from pyinfra.core.names import check_name
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import LIDARS, SCENES
 from pyinfra.experiments.stress import altered_scenes, clouds, limits
@@ -206,9 +206,7 @@ def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Se
     words: severities, if there is only one stressor; by default those defined for it. Raises Error.
     """
     for name in names:
-        if name not in STRESSORS:
-            near = suggestion(name, STRESSORS)
-            raise Error(f"stressors: expected names of stressors, got '{name}'{near}")
+        check_name(name, STRESSORS, "stressors", "names of stressors")
     selected = [STRESSORS[name] for name in dict.fromkeys(names)]
     if words is None:
         return {stressor: stressor.severities[1:] for stressor in selected}
