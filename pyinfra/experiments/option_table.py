@@ -210,12 +210,12 @@ def price(option: Option, requirements: Requirements) -> str:
     text = f"{against(option.price_usd, requirements.budget_usd)} USD"
     noun = f"{option.mounts} LiDARs" if option.mounts > 1 else "LiDAR"
     lidar = f"{noun} {option.price_usd - option.site_usd:,.0f}" if option.site_usd else ""
-    span, may = "", ""
+    span = ""
     if option.price_low_usd != option.price_high_usd:
         span = price_range(option)
-        within = option.price_low_usd <= requirements.budget_usd < option.price_usd
-        may = ": may be within the budget" if within else ""
-    remark = "; ".join(word for word in (f"{span}{may}", lidar) if word)
+        if option.price_low_usd <= requirements.budget_usd < option.price_usd:
+            span += ": may be within the budget"
+    remark = "; ".join(word for word in (span, lidar) if word)
     return f"{text} ({remark})" if remark else text
 
 

@@ -61,8 +61,7 @@ class GroundTruth:
         if not self.roads or self.lidar is None:
             return by_distance(boxes, self.drawn, margin_m=beside_m)
         roads = [replace(road, half_width=road.half_width + beside_m) for road in self.roads]
-        world = to_world(boxes, self.lidar.T_world_levelled)
-        return locate(world, roads, self.outlines)
+        return locate(to_world(boxes, self.lidar.T_world_levelled), roads, self.outlines)
 
     def windows(self) -> list[Window]:
         """Returns the windows along the roads, or rings around the sensor if there are no roads."""
@@ -130,8 +129,7 @@ def read_ground_truth(
     if beyond_range and has_objects and lidar is not None:
         farthest = max((_reach(other), other.name) for other, _ in neighbours)
         if farthest[0] > _reach(lidar):
-            others = read_vehicles(data_set / farthest[1], frames)
-            vehicles = with_unreached(vehicles, others)
+            vehicles = with_unreached(vehicles, read_vehicles(data_set / farthest[1], frames))
         vehicles = with_absent(vehicles, data_set / "trajectories.csv", frames, lidar)
     file = data_set / "roads.csv"
     roads = tuple(read_roads(file)) if lidar and file.is_file() else ()

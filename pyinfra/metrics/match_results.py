@@ -95,8 +95,7 @@ class MatchResult:
         objects: (slots,) number of objects that the figure is computed from.
         """
         firsts = np.arange(0, len(objects), self.blocks.length)
-        with_objects = np.count_nonzero(np.add.reduceat(objects, firsts))
-        if with_objects < intervals.MIN_BLOCKS:
+        if np.count_nonzero(np.add.reduceat(objects, firsts)) < intervals.MIN_BLOCKS:
             return np.full(replicates.shape, np.nan)
         return replicates
 
@@ -130,9 +129,9 @@ def count_matches(
     # Boxes that are false positives if they are unmatched.
     false_if_unmatched = match_input.prediction_places.inside | match_input.on_people
     if match_input.of_people:
-        detected = np.zeros(len(counted), dtype=np.bool_)
-        detected[matches[true_positive]] = True
-        false_if_unmatched |= match_input.on_detected(detected)
+        pairs = match_input.pairs
+        of_detected = np.isin(pairs.vehicle, matches[true_positive])
+        false_if_unmatched[pairs.prediction[of_detected]] = True
     false_positive = (matches < 0) & false_if_unmatched
     if which == "common":
         false_positive &= match_input.truth.in_common_view(match_input.predictions.boxes)

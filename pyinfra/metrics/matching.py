@@ -127,8 +127,7 @@ def true_positives(
     """Returns which predictions are matched: (p,). Arguments are as in overlapping_pairs."""
     pairs = overlapping_pairs(prediction_frame, predictions, vehicle_frame, vehicles, metric)
     pairs = in_order(pairs, scores, predictions, vehicles)
-    threshold = threshold_of(metric, iou)
-    return np.asarray(match(pairs, len(predictions), len(vehicles), threshold) >= 0)
+    return np.asarray(match(pairs, len(predictions), len(vehicles), threshold_of(metric, iou)) >= 0)
 
 
 def reaches(iou: FloatArray, threshold: float, *, strict: bool) -> BoolArray:

@@ -39,5 +39,4 @@ def read_tracks(file: Path) -> pd.DataFrame:
         row = int(table.duplicated(["frame", "id"]).idxmax())
         got = f"track {table['id'][row]:g} twice in frame {table['frame'][row]:g}"
         raise FormatError(f"{file}:{row + 2}: expected each track once in a frame, got {got}")
-    kinds = dict.fromkeys(numbers, "float64") | dict.fromkeys(whole, "int64")
-    return table.astype(kinds)
+    return table.astype(dict.fromkeys(numbers, "float64") | dict.fromkeys(whole, "int64"))

@@ -198,8 +198,7 @@ def phase(_: Base, sample: float | str) -> AlteredScene:
 
 def angles_deg(seed: int) -> tuple[float, ...]:
     """Returns PHASES random angles in degrees, seeded with `seed`."""
-    angles = np.random.default_rng([seed, PHASES]).uniform(0, 360, PHASES)
-    return tuple(angles.round(3).tolist())
+    return tuple(np.random.default_rng([seed, PHASES]).uniform(0, 360, PHASES).round(3).tolist())
 
 
 def other_lidar(_: Base, name: float | str) -> AlteredScene:
