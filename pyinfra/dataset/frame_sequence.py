@@ -387,8 +387,7 @@ class RecordedFrames(FrameSequence):
     @cached_property
     @_regular
     def lidar(self) -> kitti.Lidar | None:
-        has_lidar = (self.folder / "lidar.yaml").is_file()
-        return kitti.read_lidar(self.folder) if has_lidar else None
+        return kitti.read_lidar(self.folder) if (self.folder / "lidar.yaml").is_file() else None
 
     @cached_property
     @_regular

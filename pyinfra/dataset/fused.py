@@ -164,8 +164,7 @@ def moved_rows(rows: AnyArray, pose: WorldPose, to: WorldPose) -> AnyArray:
 def merged_rows(parts: Sequence[AnyArray]) -> AnyArray:
     """Returns one row per object: that with most points, with the sum of all points."""
     every = np.concatenate(parts)
-    order = np.lexsort((-every["points"], every["id"]))
-    every = every[order]
+    every = every[np.lexsort((-every["points"], every["id"]))]
     first = np.flatnonzero(np.diff(every["id"], prepend=-(2**31)))
     out = every[first].copy()
     if len(out):

@@ -40,12 +40,11 @@ def write_folder(frames: SimulatedFrames, data_set: Path, *, fields: bool = True
         objects = objects_of(frames.rows[frame.number])
         with_points = objects.points > 0
         boxes = objects.label_boxes(label_time)[with_points]
-        labels = kitti.Labels(objects.names[with_points], boxes, None)
         kitti.write_frame(
             lidar_folder,
             frame.number,
             frame.points,
-            labels,
+            kitti.Labels(objects.names[with_points], boxes, None),
             objects=objects,
             fields=of_kitti(frame.fields) if fields else None,
         )
