@@ -94,8 +94,7 @@ def _by_distance(pairs: Sequence[tuple[Evaluation, Evaluation]], subset: str) ->
     rows = []
     for ring in common:
         figure = over_seeds([x[ring].less(y[ring]) for x, y in rings])
-        ends = {"value": figure.value, "low": figure.low, "high": figure.high}
-        rows.append({"distance_m": ring, **ends, "significant": figure.is_significant})
+        rows.append({"distance_m": ring, **vars(figure), "significant": figure.is_significant})
     return pd.DataFrame(rows, columns=["distance_m", "value", "low", "high", "significant"])
 
 

@@ -241,7 +241,7 @@ def _angles(predictions: Predictions, files: Sequence[Path | None]) -> Iterator[
 
 
 def _position_findings(predictions: Predictions, vehicles: Vehicles) -> Iterator[tuple[str, str]]:
-    p, v = _all_pairs(predictions, vehicles)
+    p, v = np.concatenate([*pairs_of_frames(predictions.frame, vehicles.frame)], axis=1)
     boxes, truth = predictions.boxes, vehicles.boxes
     share = _share_near(boxes, truth, p, v)
     if share < LEAST_NEAR:
@@ -352,11 +352,6 @@ def _median_turn(turn: FloatArray) -> float:
     turn: differences of headings, radians. Headings that differ by 180 degrees are taken as equal.
     """
     return float(np.median(np.abs((np.degrees(turn) + 90) % 180 - 90)))
-
-
-def _all_pairs(predictions: Predictions, vehicles: Vehicles) -> tuple[IntArray, IntArray]:
-    p, v = zip(*pairs_of_frames(predictions.frame, vehicles.frame), strict=True)
-    return np.concatenate(p), np.concatenate(v)
 
 
 def _share_near(boxes: FloatArray, truth: FloatArray, p: IntArray, v: IntArray) -> float:
