@@ -18,8 +18,6 @@ boxes.
   these boxes are confirmed. Hedges, rails and parked vehicles cause standing boxes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields
 

@@ -8,8 +8,6 @@ Therefore their order in the files does not matter. All vehicles of a frame can 
 vehicles that the evaluation does not count.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
@@ -18,7 +16,7 @@ import numpy as np
 
 from pyinfra.core import boxes as overlap
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
-from pyinfra.core.rows import Rows
+from pyinfra.core.rows import Rows, concatenated
 
 Metric = Literal["bev", "3d", "centre"]
 
@@ -54,17 +52,15 @@ def overlapping_pairs(
     and (v, 7).
     """
     measure = _MEASURES[metric]
-    chunks = []
+    chunks = [Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
     for p, v in pairs_of_frames(prediction_frame, vehicle_frame):
         if metric != "centre":
             near = _may_overlap(predictions, vehicles, p, v)
             p, v = p[near], v[near]
         iou = measure(predictions[p], vehicles[v])
         much = iou >= LEAST_OVERLAP - TIE
-        chunks.append((p[much], v[much], iou[much]))
-    if not chunks:
-        return Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
-    return Pairs(*(np.concatenate(column) for column in zip(*chunks, strict=True)))
+        chunks.append(Pairs(p[much], v[much], iou[much]))
+    return concatenated(chunks)
 
 
 def _closeness(a: FloatArray, b: FloatArray) -> FloatArray:

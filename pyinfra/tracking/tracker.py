@@ -4,8 +4,6 @@ Tracker.step does these five steps for the boxes of one frame, for all tracks at
 Kalman filter is in motion.py, and the arrays that describe the tracks are in state.py.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

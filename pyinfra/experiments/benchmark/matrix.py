@@ -1,7 +1,5 @@
 """Reads `configs/benchmarks/*.yaml`, the experiments of a benchmark."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import re
