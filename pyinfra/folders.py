@@ -239,8 +239,8 @@ def statistics(
     >>> "points_per_vehicle" in pi.statistics(frames)
     True
     """
+    from pyinfra.formats.csv_table import write_tables
     from pyinfra.metrics.scanning_statistics import statistics as tables_of
-    from pyinfra.metrics.scanning_statistics import write
     from pyinfra.models.ops.kernels import kernels
 
     with _folders(data) as folders:
@@ -254,7 +254,7 @@ def statistics(
         from pyinfra.viz import scanning_plots
 
         folder = path_of(out, "out")
-        write(tables, folder)
+        write_tables(folder, tables)
         for name, table in tables.items():
             scanning_plots.save(scanning_plots.draw(name, table), folder / name)
     return tables

@@ -9,9 +9,9 @@ import pandas as pd
 
 from pyinfra.cli.parser import argument, usage
 from pyinfra.core.errors import Error
-from pyinfra.core.files import check_output, replacing
+from pyinfra.core.files import check_output
 from pyinfra.core.vocabulary import SUBSETS
-from pyinfra.formats.csv_table import number_text
+from pyinfra.formats.csv_table import write_csv
 from pyinfra.metrics.intervals import FEW_BLOCKS
 from pyinfra.metrics.places import compare_places
 
@@ -45,9 +45,7 @@ def run(args: argparse.Namespace) -> int:
     table = compare_places(args.places, args.ground_truth)
     if args.out:
         check_output(args.out, ",".join(table.columns[:3]).encode())
-        args.out.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(args.out) as beside:
-            table.to_csv(beside, index=False, float_format=number_text)
+        write_csv(args.out, table)
     print(table_text(table, args.ground_truth))
     return 0
 

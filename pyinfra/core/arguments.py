@@ -24,6 +24,7 @@ from pyinfra.core.errors import Error
 from pyinfra.core.names import suggestion
 
 Range = tuple[float, float]
+_signature = cache(inspect.signature)
 
 
 class ArgumentError(Error, TypeError):
@@ -114,11 +115,6 @@ def _check_range(value: Any, limits: Range, name: str) -> None:
             raise Error(f"{name}: expected {upper}, got {got}")
 
 
-@cache
-def _signature(function: Callable[..., Any]) -> inspect.Signature:
-    return inspect.signature(function)
-
-
 def _short(value: object) -> str:
     text = repr(value)
     return text if len(text) <= 40 else f"{text[:37]}..."
@@ -161,14 +157,13 @@ def _convert(value: Any, node: ast.expr, scope: Mapping[str, Any]) -> Any:
     if name in ("Sequence", "Iterable", "list", "tuple") and isinstance(node, ast.Subscript):
         return _converted_list(value, node, name, scope)
     kind = scope.get(name)
-    if isinstance(kind, type) and _is_ours(kind):
+    if (
+        isinstance(kind, type)
+        and kind.__module__.startswith("pyinfra")
+        and not getattr(kind, "_is_protocol", False)
+    ):
         return _must(isinstance(value, kind), f"{'an' if name[0] in 'AEIO' else 'a'} {name}", value)
     return value
-
-
-def _is_ours(kind: type) -> bool:
-    """Returns whether a class is one of this package, and no protocol."""
-    return kind.__module__.startswith("pyinfra") and not getattr(kind, "_is_protocol", False)
 
 
 def _converted_list(value: Any, node: ast.Subscript, name: str, scope: Mapping[str, Any]) -> Any:

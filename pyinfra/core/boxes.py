@@ -32,6 +32,11 @@ def footprints(boxes: FloatArray) -> FloatArray:
     return boxes[:, None, :2] + np.stack(corners, axis=1)
 
 
+def wrapped(angle: FloatArray) -> FloatArray:
+    """Returns angles in [-pi, pi)."""
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
 def bev_iou(a: FloatArray, b: FloatArray) -> FloatArray:
     """Returns the intersection over union (n, m), in [0, 1], of the footprints of boxes.
 

@@ -185,8 +185,7 @@ def _default(field: "dataclasses.Field[Any]") -> Any:
 
 def from_plain(plain: object, kind: type[T], name: str) -> T:
     """Inverts `as_plain`, with the checks of `read_config`. Messages show `name` as the file."""
-    node = compose(yaml.safe_dump(plain))
-    return _struct(_Location(name, node, ""), kind)
+    return _struct(_Location(name, compose(yaml.safe_dump(plain)), ""), kind)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import difflib
 import os
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 from pyinfra.core.errors import Error
@@ -52,10 +52,17 @@ def file_or_name(word: StrPath, files: dict[str, Path], argument: str) -> Path:
     )
 
 
-def check_name(word: str, names: Collection[str], argument: str) -> None:
+def check_name(
+    word: str, names: Collection[str], argument: str, expected: str = "a known name"
+) -> None:
     """Raises Error unless `word` is one of the names. The message suggests similar names."""
     if word not in names:
-        raise Error(f"{argument}: expected a known name, got '{word}'{suggestion(word, names)}")
+        raise Error(f"{argument}: expected {expected}, got '{word}'{suggestion(word, names)}")
+
+
+def repeated(names: Sequence[str]) -> str:
+    """Returns the first name that is there twice; empty if all names differ."""
+    return next((name for name in names if names.count(name) > 1), "")
 
 
 def suggestion(word: str, names: Iterable[str]) -> str:

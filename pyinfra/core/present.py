@@ -1,7 +1,5 @@
 """How objects that users hold are shown: one line in a console, a small table in a notebook."""
 
-from __future__ import annotations
-
 import html
 from abc import ABC, abstractmethod
 from collections.abc import Mapping

@@ -1,6 +1,6 @@
 """Reads boxes from the objects in which detectors and users hold them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -51,12 +51,17 @@ def box_table(value: Any, prefix: str) -> pd.DataFrame:
         name = _first(value, TYPES)
         if "type" not in value.columns and name:
             value = value.rename(columns={name: "type"})
-        for column in BOX:
-            if column not in value.columns:
-                near = suggestion(column, map(str, value.columns))
-                raise Error(f"{prefix}: expected the column '{column}', got none{near}")
+        check_columns(value, BOX, prefix)
         return value
     return _of_array(value, prefix)
+
+
+def check_columns(table: pd.DataFrame, columns: Sequence[str], prefix: str) -> None:
+    """Raises Error for a missing column. prefix: beginning of the message."""
+    for column in columns:
+        if column not in table.columns:
+            near = suggestion(column, map(str, table.columns))
+            raise Error(f"{prefix}: expected the column '{column}', got none{near}")
 
 
 def _of_array(value: Any, prefix: str) -> pd.DataFrame:

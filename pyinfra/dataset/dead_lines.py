@@ -33,8 +33,7 @@ def dead_lines(counts: IntArray, elevations: FloatArray) -> list[int]:
     alive = np.flatnonzero(usual >= LEAST_POINTS)
     if len(alive) < LEAST_LINES:
         return []
-    angle = np.nanmedian(elevations[:, alive], axis=0)
-    gaps = np.diff(angle)
+    gaps = np.diff(np.nanmedian(elevations[:, alive], axis=0))
     if not ((gaps > 0).all() or (gaps < 0).all()):
         return []
     between = np.diff(alive)

@@ -12,7 +12,7 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray, IntArray
 from pyinfra.core.progress import track
-from pyinfra.dataset.frame_tables import Table, concatenated
+from pyinfra.core.rows import Table, concatenated
 from pyinfra.formats.text_table import is_whole, lines_of
 
 _FILES = 256  # files per group

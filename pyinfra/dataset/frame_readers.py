@@ -155,12 +155,11 @@ def _objects(files: Sequence[Path], frames: IntArray, label_time: LabelTime) -> 
     if len(np.unique(frame[known] * 2**31 + ids[known])) < np.count_nonzero(known):
         fail_with_line(files, kitti.read_objects)
     mid_frame = values[:, 1:8]
-    scan = label_time == "scan"
     return Vehicles(
         frame=frame,
         ids=ids,
         names=np.array([row[0] for row in rows], dtype=np.str_),
-        boxes=scan_boxes(mid_frame, values[:, 13:17]) if scan else mid_frame,
+        boxes=scan_boxes(mid_frame, values[:, 13:17]) if label_time == "scan" else mid_frame,
         mid_frame=mid_frame,
         points=values[:, 9].astype(np.int64),
         visibility=values[:, 12],

@@ -24,10 +24,11 @@ from pyinfra.core.files import regular_files_only, resolved
 from pyinfra.core.names import StrPath
 from pyinfra.core.present import Presented, extent_of
 from pyinfra.core.progress import track
+from pyinfra.core.rows import concatenated
 from pyinfra.core.version import __version__
 from pyinfra.core.vocabulary import LabelTime
 from pyinfra.dataset.frame_readers import read_vehicles
-from pyinfra.dataset.frame_tables import Vehicles, concatenated, no_vehicles
+from pyinfra.dataset.frame_tables import Vehicles, no_vehicles
 from pyinfra.dataset.frames import PERIOD_S, frame_numbers
 from pyinfra.dataset.frames_version import number_at
 from pyinfra.dataset.ground import Ground, ground_of, ground_of_roads
@@ -386,8 +387,7 @@ class RecordedFrames(FrameSequence):
     @cached_property
     @_regular
     def lidar(self) -> kitti.Lidar | None:
-        has_lidar = (self.folder / "lidar.yaml").is_file()
-        return kitti.read_lidar(self.folder) if has_lidar else None
+        return kitti.read_lidar(self.folder) if (self.folder / "lidar.yaml").is_file() else None
 
     @cached_property
     @_regular

@@ -1,18 +1,15 @@
 """The boxes of many frames in one table: objects or predictions."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TypeVar
+from dataclasses import dataclass
 
 import numpy as np
 
-from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, NameArray
+from pyinfra.core.arrays import FloatArray, IntArray, NameArray
+from pyinfra.core.rows import Rows
 
 
 @dataclass(frozen=True, eq=False)
-class Vehicles:
+class Vehicles(Rows):
     """The n objects of several frames, in the levelled LiDAR frame."""
 
     frame: IntArray  # (n,) index into the requested frames, ascending
@@ -24,15 +21,9 @@ class Vehicles:
     visibility: FloatArray  # (n,) visible share; -1 outside the region, NaN if read from labels
     speed: FloatArray  # (n,) m/s along the heading; NaN if unknown
 
-    def __len__(self) -> int:
-        return len(self.frame)
-
-    def select(self, keep: BoolArray) -> Vehicles:
-        return replace(self, **{name: column[keep] for name, column in vars(self).items()})
-
 
 @dataclass(frozen=True, eq=False)
-class Predictions:
+class Predictions(Rows):
     """The n predicted boxes of several frames, in the levelled LiDAR frame."""
 
     frame: IntArray  # (n,) index into the requested frames, ascending
@@ -41,21 +32,6 @@ class Predictions:
     boxes: FloatArray  # (n, 7)
     scores: FloatArray  # (n,)
     angle: FloatArray  # (n,) rotation_y or heading, unchanged from the file
-
-    def __len__(self) -> int:
-        return len(self.frame)
-
-    def select(self, keep: BoolArray) -> Predictions:
-        return replace(self, **{name: column[keep] for name, column in vars(self).items()})
-
-
-Table = TypeVar("Table", Vehicles, Predictions)
-
-
-def concatenated(parts: Sequence[Table]) -> Table:
-    """Concatenates one or more tables."""
-    columns = {name: [vars(part)[name] for part in parts] for name in vars(parts[0])}
-    return type(parts[0])(**{name: np.concatenate(column) for name, column in columns.items()})
 
 
 def no_vehicles() -> Vehicles:

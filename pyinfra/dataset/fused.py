@@ -12,6 +12,7 @@ import numpy as np
 import yaml
 
 from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray, Records
+from pyinfra.core.boxes import wrapped
 from pyinfra.dataset import simulation
 from pyinfra.dataset.frame_sequence import SimulatedFrames
 from pyinfra.dataset.loading import with_overrides
@@ -155,8 +156,7 @@ def moved_rows(rows: AnyArray, pose: WorldPose, to: WorldPose) -> AnyArray:
         xy: FloatArray = np.stack([rows[f"{at}x"], rows[f"{at}y"]], axis=1).astype(np.float64)
         out[f"{at}x"], out[f"{at}y"] = to_levelled(to_world(xy, pose), to).T
         out[f"{at}z"] += pose.z - to.z
-        turned = rows[f"{at}heading"] + pose.yaw - to.yaw
-        out[f"{at}heading"] = (turned + np.pi) % (2 * np.pi) - np.pi
+        out[f"{at}heading"] = wrapped(rows[f"{at}heading"] + pose.yaw - to.yaw)
     out["distance"] = np.hypot(out["x"], out["y"])
     return out
 
@@ -164,8 +164,7 @@ def moved_rows(rows: AnyArray, pose: WorldPose, to: WorldPose) -> AnyArray:
 def merged_rows(parts: Sequence[AnyArray]) -> AnyArray:
     """Returns one row per object: that with most points, with the sum of all points."""
     every = np.concatenate(parts)
-    order = np.lexsort((-every["points"], every["id"]))
-    every = every[order]
+    every = every[np.lexsort((-every["points"], every["id"]))]
     first = np.flatnonzero(np.diff(every["id"], prepend=-(2**31)))
     out = every[first].copy()
     if len(out):

@@ -65,94 +65,106 @@ class FrameHealth:
     dead_lines: str  # numbers of lines without points in all frames, separated by a space
 
 
+@dataclass(frozen=True, eq=False)
+class _Features:
+    """What is compared of a frame."""
+
+    number: int
+    points: int
+    sectors: IntArray  # (SECTORS,) points by azimuth
+    ranges: FloatArray  # (SECTORS,) of the farther points; NaN without points
+    ground: FloatArray  # (SIDE * SIDE,) lowest z in each cell; NaN without points
+    lines: IntArray  # (lines,) points by line
+    elevations: FloatArray  # (lines,)
+    near: float  # share of the points next to the sensor
+    digest: bytes  # of the points
+    end_s: float  # last time of a point
+
+
 @dataclass
 class HealthMonitor:
     """Collects features of frames in order, and compares them in `report`."""
 
     period_s: float = 0.1
-    _numbers: list[int] = field(default_factory=list)
-    _counts: list[int] = field(default_factory=list)
-    _sectors: list[IntArray] = field(default_factory=list)
-    _ranges: list[FloatArray] = field(default_factory=list)
-    _ground: list[FloatArray] = field(default_factory=list)
-    _lines: list[IntArray] = field(default_factory=list)
-    _elevations: list[FloatArray] = field(default_factory=list)
-    _near: list[float] = field(default_factory=list)
-    _digests: list[bytes] = field(default_factory=list)
-    _ends_s: list[float] = field(default_factory=list)
+    _frames: list[_Features] = field(default_factory=list)
 
     def add(self, number: int, points: Points, records: Records | None = None) -> None:
         """Adds a frame: points (n, 4) in the levelled frame, and records (n,) of kitti.FIELDS."""
-        self._numbers.append(number)
-        self._counts.append(len(points))
-        self._digests.append(blake2b(points.tobytes(), digest_size=8).digest())
         step = 1 + len(points) // MOST_POINTS
         xyz = points[::step, :3].astype(np.float64)
         x, y, z = xyz.T
         sector = ((np.arctan2(y, x) + math.pi) / (2 * math.pi) * SECTORS).astype(np.int64) % SECTORS
-        self._sectors.append(np.bincount(sector, minlength=SECTORS) * step)
         distance = np.hypot(x, y)
-        self._ranges.append(_far(sector, distance))
-        self._near.append(float((distance < NEAR_M).mean()) if len(xyz) else 0.0)
-        self._ground.append(_lowest(x, y, z, distance))
-        lines = np.zeros(0, dtype=np.int64) if records is None else np.bincount(records["ring"])
-        self._lines.append(lines)
-        self._elevations.append(np.zeros(0) if records is None else elevations_of(points, records))
-        times = np.zeros(1) if records is None or not len(records) else records["time_s"]
-        self._ends_s.append(float(times.max()))
+        times = np.zeros(0) if records is None else records["time_s"]
+        self._frames.append(
+            _Features(
+                number=number,
+                points=len(points),
+                sectors=np.bincount(sector, minlength=SECTORS) * step,
+                ranges=_far(sector, distance),
+                ground=_lowest(x, y, z, distance),
+                lines=np.zeros(0, np.int64) if records is None else np.bincount(records["ring"]),
+                elevations=np.zeros(0) if records is None else elevations_of(points, records),
+                near=float((distance < NEAR_M).mean()) if len(xyz) else 0.0,
+                digest=blake2b(points.tobytes(), digest_size=8).digest(),
+                end_s=float(times.max()) if len(times) else 0.0,
+            )
+        )
 
     def report(self) -> list[FrameHealth]:
         """Returns the health of each frame; empty for too few frames, or too few points."""
-        if len(self._numbers) < LEAST_FRAMES:
+        frames = self._frames
+        if len(frames) < LEAST_FRAMES:
             return []
-        first = self._numbers[0] + REFERENCE_S / self.period_s
-        count = sum(number < first for number in self._numbers)
-        reference = slice(0, max(min(count, len(self._numbers) // 3), LEAST_FRAMES))
-        width = max(map(len, self._lines))
-        lines = np.array([np.pad(line, (0, width - len(line))) for line in self._lines])
-        angles = [np.pad(a, (0, width - len(a)), constant_values=np.nan) for a in self._elevations]
-        dead = dead_lines(lines[reference], np.array(angles)[reference])
-        dead_text = " ".join(map(str, dead))
-        sectors, ranges = np.array(self._sectors), np.array(self._ranges)
-        ground = np.array(self._ground)
-        usual = float(np.median([c for c in self._counts[reference] if c > 0] or [0]))
+        first = frames[0].number + REFERENCE_S / self.period_s
+        count = sum(frame.number < first for frame in frames)
+        reference = slice(0, max(min(count, len(frames) // 3), LEAST_FRAMES))
+        good = frames[reference]
+        width = max(len(frame.lines) for frame in frames)
+        lines = np.array([np.pad(f.lines, (0, width - len(f.lines))) for f in frames])
+        angles = [
+            np.pad(f.elevations, (0, width - len(f.elevations)), constant_values=np.nan)
+            for f in good
+        ]
+        dead_text = " ".join(map(str, dead_lines(lines[reference], np.array(angles))))
+        usual = float(np.median([frame.points for frame in good if frame.points > 0] or [0]))
         if usual < LEAST_POINTS:
             return []
         lost_lines = _lost(lines, reference)
-        lost_sectors = _lost(sectors, reference)
-        usual_ranges = _nanmedian(ranges[reference])
-        usual_ground = _nanmedian(ground[reference])
-        usual_near = float(np.median(self._near[reference]))
-        usual_end = float(np.median(self._ends_s[reference]))
+        lost_sectors = _lost(np.array([frame.sectors for frame in frames]), reference)
+        usual_ranges = _nanmedian(np.array([frame.ranges for frame in good]))
+        usual_ground = _nanmedian(np.array([frame.ground for frame in good]))
+        usual_near = float(np.median([frame.near for frame in good]))
+        usual_end = float(np.median([frame.end_s for frame in good]))
         out, before = [], b""
-        for i, number in enumerate(self._numbers):
-            share = self._counts[i] / usual if usual else math.nan
-            tilt, lift = _tilt(ground[i], usual_ground)
-            turn, change = _turned(ranges[i], usual_ranges)
+        for i, frame in enumerate(frames):
+            share = frame.points / usual
+            tilt, lift = _tilt(frame.ground, usual_ground)
+            turn, change = _turned(frame.ranges, usual_ranges)
             is_empty = not share >= EMPTY
             sectors_deg = int(lost_sectors[i]) * 360 // SECTORS
-            late_s = abs(self._ends_s[i] - usual_end)
+            late_s = abs(frame.end_s - usual_end)
             problems = {
                 "empty": is_empty,
                 "few-points": not is_empty and share < FEW,
                 "many-points": share > MANY,
-                "frozen": self._digests[i] == before and self._counts[i] > 0,
+                "frozen": frame.digest == before and frame.points > 0,
                 "tilted": tilt > TILT_DEG,
                 "lifted": tilt <= TILT_DEG and abs(lift) > LIFT_M,
                 "turned": abs(turn) > TURN_SECTORS * 360 / SECTORS / 2,
                 "moved": change > MOVED and not abs(turn) > 0,
                 "lost-lines": not is_empty and lost_lines[i] >= LEAST_LOST_LINES,
                 "lost-sectors": not is_empty and lost_sectors[i] >= LEAST_LOST_SECTORS,
-                "dirt": self._near[i] > usual_near + NEAR_SHARE,
+                "dirt": frame.near > usual_near + NEAR_SHARE,
                 "times": not is_empty and usual_end > 0 and late_s > 0.5 * usual_end,
             }
-            before = self._digests[i]
+            before = frame.digest
             words = " ".join(name for name, is_present in problems.items() if is_present)
             out.append(
                 FrameHealth(
-                    *(number, self._counts[i], round(share, 4), round(tilt, 3), round(lift, 3)),
+                    *(frame.number, frame.points, round(share, 4), round(tilt, 3), round(lift, 3)),
                     *(round(turn, 1), int(lost_lines[i]), sectors_deg),
-                    *(round(self._near[i], 4), words, dead_text),
+                    *(round(frame.near, 4), words, dead_text),
                 )
             )
         return out

@@ -52,13 +52,12 @@ def sum_source(sources: Iterable[str]) -> str:
 
 def catalogue_files() -> list[Path]:
     """Returns the files of all LiDARs that the package ships."""
-    return sorted((catalogue.configs() / "lidars").glob("*.yaml"))
+    return list(catalogue.shipped("lidars").values())
 
 
 def presets_of(file: Path) -> tuple[str, ...]:
     """Returns the names of a LiDAR's presets. A bundle has the presets of its first unit."""
-    presets: tuple[str, ...] = _plain(file)["presets"]
-    return presets
+    return tuple(_plain(file)["presets"])
 
 
 def price_source(file: Path) -> str:
@@ -86,6 +85,7 @@ def read_sheet(file: Path, preset: str = "", *, every_preset: bool = True) -> Li
     except (simulation.ConfigError, simulation.IoError) as error:
         raise SimulatorError(str(error), 2) from None
     resolved = yaml.load(lidar.dump(), _LOADER)
+    detection = _detection(resolved)
     return LidarSheet(
         **plain,
         preset=chosen,
@@ -93,8 +93,8 @@ def read_sheet(file: Path, preset: str = "", *, every_preset: bool = True) -> Li
         horizontal_fov_deg=min(360.0, sum(round(view[1] - view[0], 2) for view in views)),
         vertical_fov_deg=max(round(view[3] - view[2], 2) for view in views),
         range_m=max(float(unit["returns"]["max_range_m"]) for unit in _units(resolved)),
-        range_at_10_percent_m=float(_detection(resolved).get("range_at_10_percent_m", math.nan)),
-        published_ranges=_published_ranges(_detection(resolved)),
+        range_at_10_percent_m=float(detection.get("range_at_10_percent_m", math.nan)),
+        published_ranges=1 + len(detection.get("further_ranges", ())) if detection else 0,
     )
 
 
@@ -156,9 +156,4 @@ def _detection(resolved: dict[str, Any]) -> dict[str, Any]:
 
     Returns an empty dict if every ray that hits a surface gives a point.
     """
-    detection = _units(resolved)[0].get("returns", {}).get("detection", {})
-    return dict(detection)
-
-
-def _published_ranges(detection: dict[str, Any]) -> int:
-    return 1 + len(detection.get("further_ranges", ())) if detection else 0
+    return dict(_units(resolved)[0].get("returns", {}).get("detection", {}))

@@ -29,12 +29,12 @@ def read_outlines(data_set: Path) -> tuple[FloatArray, ...]:
     file = data_set / OUTLINES_FILE
     if not file.is_file():
         return ()
-    lines = lines_of(file, whole=True)
-    outlines = rows_by_name(lines, file, OUTLINE_COLUMNS, _RULES)
+    outlines = rows_by_name(lines_of(file, whole=True), file, OUTLINE_COLUMNS, _RULES)
     for name, corners in outlines.items():
         if len(corners) < 3:
-            actual = f"{len(corners)}"
-            raise FormatError(f"{file}: region {name}: expected 3 or more corners, got {actual}")
+            raise FormatError(
+                f"{file}: region {name}: expected 3 or more corners, got {len(corners)}"
+            )
     return tuple(outlines.values())
 
 

@@ -51,8 +51,7 @@ def _csv_rows(file: Path) -> list[list[str]]:
     header = [name.strip() for name in lines[0].split(",")] if lines else []
     missing = [name for name in CSV_COLUMNS if name not in header]
     if missing:
-        names = ", ".join(missing)
-        raise FormatError(f"{file}:1: expected the columns {names}; got none of them")
+        raise FormatError(f"{file}:1: expected the columns {', '.join(missing)}; got none of them")
     order = [header.index(name) for name in CSV_COLUMNS]
     rows = []
     for number, line in enumerate(lines[1:], start=2):
@@ -65,5 +64,4 @@ def _csv_rows(file: Path) -> list[list[str]]:
 
 def _check_csv(file: Path) -> None:
     rows = _csv_rows(file)
-    table = NamedRows(file, range(2, 2 + len(rows)), rows, CSV_COLUMNS, "class")
-    table.check(_RULES)
+    NamedRows(file, range(2, 2 + len(rows)), rows, CSV_COLUMNS, "class").check(_RULES)

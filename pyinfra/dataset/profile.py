@@ -34,11 +34,10 @@ class Profile:
 
 def profile_of(node: YamlNode) -> Profile:
     """Reads a profile. Raises FormatError with file, line and key."""
-    points = [_station_and_rise(pair) for pair in node.at("points_m").items()]
     return Profile(
         start=np.array([node.at("x_m").number(), node.at("y_m").number()]),
         heading=float(np.radians(node.at("heading_deg").number())),
-        points=np.array(points),
+        points=np.array([_station_and_rise(pair) for pair in node.at("points_m").items()]),
         curve_m=node.at("vertical_curve_m").number(),
     )
 

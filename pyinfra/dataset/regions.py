@@ -149,15 +149,14 @@ def roads_region(roads: list[Road], pose: WorldPose, outlines: Sequence[FloatArr
     ]
     corners = to_levelled(np.concatenate(sides), pose)
     if outlines:
-        corners = _common_corners(corners, to_levelled(np.concatenate(outlines), pose))
+        drawn = to_levelled(np.concatenate(outlines), pose)
+        # The intersection of both bounding boxes.
+        corners = np.stack(
+            [np.maximum(corners.min(0), drawn.min(0)), np.minimum(corners.max(0), drawn.max(0))]
+        )
     return Region(
         partial(_on_roads, roads, pose, outlines), corners, partial(road_axes, roads, pose)
     )
-
-
-def _common_corners(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Returns the corners (2, 2) of the intersection of the bounding boxes of `a` and `b`."""
-    return np.stack([np.maximum(a.min(0), b.min(0)), np.minimum(a.max(0), b.max(0))])
 
 
 def road_axes(roads: list[Road], pose: WorldPose, positions: FloatArray) -> FloatArray:
@@ -170,8 +169,7 @@ def road_axes(roads: list[Road], pose: WorldPose, positions: FloatArray) -> Floa
         centre = to_levelled(road.xy, pose)
         reach = road.half_width.max() + AXES_MARGIN_M
         low, high = centre.min(axis=0) - reach, centre.max(axis=0) + reach
-        near = ((positions >= low) & (positions <= high)).all(axis=1)
-        rows = np.flatnonzero(near)
+        rows = np.flatnonzero(((positions >= low) & (positions <= high)).all(axis=1))
         away, nearest = cKDTree(centre).query(positions[rows])
         on_it = away <= road.half_width[nearest] + AXES_MARGIN_M
         twice = 2 * (road.heading[nearest[on_it]] - pose.yaw)

@@ -245,8 +245,7 @@ def _fitted(ground: LowestPoints, plane: FloatArray) -> FloatArray:
         if len(x) < 3 or np.linalg.matrix_rank(a) < 3:
             continue
         root = np.sqrt(weight)
-        slope = np.linalg.lstsq(a * root[:, None], z * root, rcond=None)[0]
-        plane = _plane_of(*slope)
+        plane = _plane_of(*np.linalg.lstsq(a * root[:, None], z * root, rcond=None)[0])
     return plane
 
 

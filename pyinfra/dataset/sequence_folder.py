@@ -11,7 +11,7 @@ from pyinfra.core.arrays import AnyArray, Records
 from pyinfra.core.errors import Error
 from pyinfra.core.files import write
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
-from pyinfra.dataset.object_rows import type_names
+from pyinfra.dataset.object_rows import BOX, type_names
 from pyinfra.dataset.outlines import OUTLINES_FILE
 from pyinfra.formats import kitti
 
@@ -40,12 +40,11 @@ def write_folder(frames: SimulatedFrames, data_set: Path, *, fields: bool = True
         objects = objects_of(frames.rows[frame.number])
         with_points = objects.points > 0
         boxes = objects.label_boxes(label_time)[with_points]
-        labels = kitti.Labels(objects.names[with_points], boxes, None)
         kitti.write_frame(
             lidar_folder,
             frame.number,
             frame.points,
-            labels,
+            kitti.Labels(objects.names[with_points], boxes, None),
             objects=objects,
             fields=of_kitti(frame.fields) if fields else None,
         )
@@ -80,11 +79,10 @@ def on_disk(frames: FrameSequence, near: Path | None = None) -> Iterator[Path]:
 def objects_of(rows: AnyArray) -> kitti.Objects:
     """Converts the structured object rows of a simulated frame to `Objects`."""
     copied = "speed points points_in_box distance visibility scan_time_s points_in_scan_box".split()
-    box = ["x", "y", "z", "dx", "dy", "dz", "heading"]
     scan = ["scan_x", "scan_y", "scan_z", "dx", "dy", "dz", "scan_heading"]
     boxes, scan_boxes = (
         np.stack([rows[name].astype(np.float64) for name in names], axis=1).reshape(-1, 7)
-        for names in (box, scan)
+        for names in (BOX, scan)
     )
     return kitti.Objects(
         ids=rows["id"].astype(np.int64),

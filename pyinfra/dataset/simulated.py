@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import operator
 import os
 import warnings
 from collections.abc import Callable, Sequence
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from pyinfra.core.errors import Error, FindingWarning
+from pyinfra.core.names import repeated
 from pyinfra.core.public import CALLER, public
 from pyinfra.dataset.frame_sequence import SimulatedFrames
 from pyinfra.dataset.loading import AnyLidar, AnyLidars, load_lidar, load_scene
@@ -126,7 +126,7 @@ def simulate(
         raise Error("lidar: expected one or more LiDARs, got an empty list")
     world = _world(scene, mount if isinstance(mount, str) else "")
     units = [x if isinstance(x, simulation.Lidar) else load_lidar(x) for x in asked]
-    numbers = _numbers(frames)
+    numbers = tuple(frames)
     if not numbers:
         raise Error("frames: expected one or more frame numbers, got none")
     for before, number in itertools.pairwise(numbers):
@@ -135,8 +135,6 @@ def simulate(
     existing = world.frames_of(units[0].period_s)
     if numbers[0] < 0 or numbers[-1] >= existing:
         raise Error(f"frames: expected 0 to {existing - 1}, got {numbers[0]} to {numbers[-1]}")
-    if threads is not None and threads < 1:
-        raise Error(f"threads: expected 1 or more, got {threads}")
     simulation.simulate(world, units, [])  # raises for presets or periods that do not fit
     steps = set(np.diff(numbers).tolist())
     for unit in units if len(steps) == 1 else ():
@@ -145,13 +143,10 @@ def simulate(
     sequences = {
         unit.name: SimulatedFrames(world, unit, numbers, threads, returns=returns) for unit in units
     }
-    if len(sequences) < len(units):
-        names = [unit.name for unit in units]
-        twice = next(name for name in names if names.count(name) > 1)
+    if twice := repeated([unit.name for unit in units]):
         raise Error(f"lidar: expected different LiDARs, got {twice} twice")
     for sequence in sequences.values():
-        others = {name: other for name, other in sequences.items() if other is not sequence}
-        sequence.beside = others
+        sequence.beside = {n: other for n, other in sequences.items() if other is not sequence}
     return sequences if several else next(iter(sequences.values()))
 
 
@@ -186,14 +181,3 @@ def _at_mounts(
         return alone
     errors = [error_of(one.world, name) for name, one in alone.items()]
     return fused(list(alone.values()), errors=errors)
-
-
-def _numbers(frames: Sequence[int]) -> tuple[int, ...]:
-    """Converts frame numbers to a tuple. Raises Error unless they are whole numbers."""
-    try:
-        numbers = tuple(operator.index(k) for k in frames)
-    except TypeError:
-        raise Error(
-            f"frames: expected whole numbers, such as range(0, 100, 10), got {frames!r:.40}"
-        ) from None
-    return numbers

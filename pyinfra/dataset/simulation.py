@@ -103,9 +103,7 @@ def load_scene(
     hits the sensor, the error is raised later: by `drive`, or by a request for the frame of the hit
     or a later frame.
     """
-    assignments = [f"{key}={_yaml(value)}" for key, value in (set or {}).items()]
-    if seed is not None:
-        assignments.append(f"seed={seed}")
+    assignments = _assignments(set, seed)
     make = partial(World, str(Path(file).absolute()), assignments, preset, mount)
     return remembered(World(str(file), assignments, preset, mount), make)
 
@@ -127,10 +125,7 @@ def load_observer(
     set: overrides of keys, as in `load_scene`. The scene's filters have no effect.
     Raises ConfigError and IoError.
     """
-    assignments = [f"{key}={_yaml(value)}" for key, value in (set or {}).items()]
-    if seed is not None:
-        assignments.append(f"seed={seed}")
-    return Observer(str(file), assignments, preset, mount, list(frames), period_s)
+    return Observer(str(file), _assignments(set, seed), preset, mount, list(frames), period_s)
 
 
 def make_world(scene: Mapping[str, object], *, preset: str = "datasheet", mount: str = "") -> World:
@@ -268,6 +263,12 @@ def scan_pattern(
     """
     unit = lidar if isinstance(lidar, Lidar) else load_lidar(lidar, preset)
     return unit.pattern(frames.start, frames.stop, frames.step, seed, mount)
+
+
+def _assignments(set: Mapping[str, object] | None, seed: int | None) -> list[str]:
+    """Returns overrides of keys as KEY=VALUE, with the seed last."""
+    keys = {**(set or {}), **({} if seed is None else {"seed": seed})}
+    return [f"{key}={_yaml(value)}" for key, value in keys.items()]
 
 
 def _yaml(value: object) -> str:

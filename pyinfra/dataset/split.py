@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from pyinfra.core.errors import Error
-from pyinfra.core.files import replacing
+from pyinfra.core.files import write as write_text
 from pyinfra.dataset.data_set import DataSet
 
 By = Literal["time", "seed", "random"]
@@ -119,6 +119,5 @@ def write(data: DataSet, split: Split, *, force: bool = False, grown: bool = Fal
             )
     for file, text in files.items():
         file.parent.mkdir(exist_ok=True)
-        with replacing(file) as beside:
-            beside.write_text(text, encoding="utf-8")
+        write_text(file, text)
     return list(files)

@@ -30,8 +30,7 @@ class Lanes:
         """
         solid = [i in (0, self.each_way) for i in range(self.each_way + 1)]
         if self.one_way:
-            middle = self.each_way / 2
-            return {(i - middle) * self.width_m: s for i, s in enumerate(solid)}
+            return {(i - (self.each_way / 2)) * self.width_m: s for i, s in enumerate(solid)}
         aside = [self.median_m / 2 + i * self.width_m for i in range(self.each_way + 1)]
         one_side = dict(zip(aside, solid, strict=True))
         return {-a: s for a, s in reversed(one_side.items())} | one_side

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.core.boxes import wrapped
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset.frame_tables import Vehicles, without_points
 from pyinfra.dataset.frames import PERIOD_S
@@ -35,8 +36,8 @@ def read_objects_at(
     values = rows[_NUMBERS].to_numpy(np.float64)
     first, last = spans.at_start(values), spans.at_end(values)
     boxes = (first + last) / 2
-    turned = _wrapped(last[:, 6] - first[:, 6])
-    boxes[:, 6] = _wrapped(first[:, 6] + turned / 2 - pose.yaw)
+    turned = wrapped(last[:, 6] - first[:, 6])
+    boxes[:, 6] = wrapped(first[:, 6] + turned / 2 - pose.yaw)
     boxes[:, :2] = to_levelled(boxes[:, :2], pose)
     boxes[:, 2] -= pose.z
     return without_points(
@@ -101,8 +102,7 @@ def existing(rows: pd.DataFrame, starts: FloatArray, ends: FloatArray) -> Existi
         before = np.searchsorted(axis, at, side="right") - 1
         after = np.minimum(before + 1, last[which])
         gap = np.maximum(axis[after] - axis[before], 1)
-        out: FloatArray = before + (at - axis[before]) / gap
-        return out
+        return np.asarray(before + (at - axis[before]) / gap)
 
     return ExistingObjects(first[which], span, place(start), place(end))
 
@@ -111,8 +111,7 @@ def _positions(times: FloatArray) -> FloatArray:
     """Returns times in steps of rows; a time within 1e-6 of a row is that row."""
     positions = np.asarray(times, dtype=np.float64) / ROW_STEP_S
     nearest = np.rint(positions)
-    out: FloatArray = np.where(np.abs(positions - nearest) <= 1e-6, nearest, positions)
-    return out
+    return np.where(np.abs(positions - nearest) <= 1e-6, nearest, positions)
 
 
 def _between_rows(values: FloatArray, at: FloatArray) -> FloatArray:
@@ -120,14 +119,8 @@ def _between_rows(values: FloatArray, at: FloatArray) -> FloatArray:
     share = (at - before)[:, None]
     after = np.minimum(before + (share[:, 0] > 0), len(values) - 1)
     change = values[after] - values[before]
-    change[:, 6:7] = _wrapped(change[:, 6:7])
-    out: FloatArray = values[before] + share * change
-    return out
-
-
-def _wrapped(angle: FloatArray) -> FloatArray:
-    out: FloatArray = (angle + np.pi) % (2 * np.pi) - np.pi
-    return out
+    change[:, 6:7] = wrapped(change[:, 6:7])
+    return np.asarray(values[before] + share * change)
 
 
 def read_rows(file: Path, columns: Sequence[str]) -> pd.DataFrame:

@@ -41,9 +41,11 @@ def coverage(
         ends = ["covered_m", "low_m", "high_m", "road_m"]
         sums = counted.groupby(KEY)[ends].sum().astype(np.float64).reset_index()
         rows_covered = (
-            rows_covered[KEY].merge(sums, on=KEY, how="left").fillna(dict.fromkeys(ends, 0.0))
+            rows_covered[KEY]
+            .merge(sums, on=KEY, how="left")
+            .fillna(dict.fromkeys(ends, 0.0))
+            .assign(covered_in=SQUARES)
         )
-        rows_covered = rows_covered.assign(covered_in=SQUARES)
     known = parts[parts.ap_r1000.notna()]
     counts = known.assign(parts=1, unsure=known.ap_r1000_low.isna())
     counts = counts.groupby(KEY)[["parts", "unsure"]].sum().reset_index()

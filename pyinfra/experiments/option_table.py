@@ -6,14 +6,14 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.core.names import path_of
 from pyinfra.core.public import public
-from pyinfra.core.vocabulary import TIERS, Tier
+from pyinfra.core.vocabulary import Tier
 from pyinfra.experiments.options import Option, read_options
 from pyinfra.experiments.requirements import Requirements, checked_requirements, unlike
 from pyinfra.metrics.comparison import Interval
@@ -88,8 +88,6 @@ def recommend(
     >>> table[["lidar", "detector", "meets"]].values.tolist()
     [['helios_16', 'background', True]]
     """
-    if tier not in get_args(Tier):
-        raise Error(f"tier: expected one of {', '.join(TIERS)}, got '{tier}'")
     requirements = checked_requirements(budget_usd, min_ap, range_m, latency_ms)
     folder = path_of(results, "results")
     try:
@@ -212,12 +210,12 @@ def price(option: Option, requirements: Requirements) -> str:
     text = f"{against(option.price_usd, requirements.budget_usd)} USD"
     noun = f"{option.mounts} LiDARs" if option.mounts > 1 else "LiDAR"
     lidar = f"{noun} {option.price_usd - option.site_usd:,.0f}" if option.site_usd else ""
-    span, may = "", ""
+    span = ""
     if option.price_low_usd != option.price_high_usd:
         span = price_range(option)
-        within = option.price_low_usd <= requirements.budget_usd < option.price_usd
-        may = ": may be within the budget" if within else ""
-    remark = "; ".join(word for word in (f"{span}{may}", lidar) if word)
+        if option.price_low_usd <= requirements.budget_usd < option.price_usd:
+            span += ": may be within the budget"
+    remark = "; ".join(word for word in (span, lidar) if word)
     return f"{text} ({remark})" if remark else text
 
 

@@ -142,10 +142,8 @@ def options_of(
     scene, preset = chosen(done, scene, preset)
     rows = done[(done.scene == scene) & (done.preset == preset)]
     seed, seeds = pd.to_numeric(rows.seed), common_seeds(rows)
-    alone = len(seeds) == 1
-    parts = [first_seed(rows)] if alone else [rows[seed == number] for number in seeds]
-    of_seeds = [_of_seed(results, part, requirements) for part in parts]
-    by_name = [{o.name: o for o in options} for options in of_seeds]
+    parts = [first_seed(rows)] if len(seeds) == 1 else [rows[seed == number] for number in seeds]
+    by_name = [{o.name: o for o in _of_seed(results, part, requirements)} for part in parts]
     names = [name for name in by_name[0] if all(name in options for options in by_name)]
     options = [over_seeds([options[name] for options in by_name]) for name in names]
     options = with_replicates(options, results.table("until"))

@@ -141,8 +141,10 @@ def general_notes(options: Sequence[Option], requirements: Requirements) -> Iter
         )
     unknown = [option for option in options if not option.ap_whole.is_known]
     if unknown:
-        why = f"{FEW_BLOCKS}, or the table has no intervals"
-        yield f"No interval is available for the AP of {names(unknown)}: {why}."
+        yield (
+            f"No interval is available for the AP of {names(unknown)}: {FEW_BLOCKS}, or the table "
+            "has no intervals."
+        )
     yield from replicates_note(options)
     yield from (f"{text}." for text in dict.fromkeys(o.other_frames for o in options) if text)
     yield from cost_notes(options[0])
@@ -239,9 +241,11 @@ def doubts(
     yield from doubts_of_price(named, requirements)
     yield from doubts_of_latency(named, requirements)
     if first.covered_m.value < first.road_m:
-        more = "several LiDARs, a higher budget or a lower required AP might do so"
         area = "the road" if first.covered_in == ROAD else "the region"
-        yield f"The first option does not cover the whole of {area}; {more}."
+        yield (
+            f"The first option does not cover the whole of {area}; several LiDARs, a higher budget "
+            "or a lower required AP might do so."
+        )
 
 
 def doubts_of_order(first: Option, others: Sequence[Option], table: pd.DataFrame) -> Iterator[str]:
@@ -250,12 +254,16 @@ def doubts_of_order(first: Option, others: Sequence[Option], table: pd.DataFrame
     differences = [(o, Interval(0, *pair)) for o, pair in zip(others, ends, strict=True)]
     equal = [o for o, interval in differences if interval.is_known and not interval.is_significant]
     if equal:
-        text = f"The AP of {first.name} does not differ significantly from that of {names(equal)}"
-        yield f"{text} (the 95 % intervals include 0); {cheapest([first, *equal])}."
+        yield (
+            f"The AP of {first.name} does not differ significantly from that of {names(equal)} "
+            f"(the 95 % intervals include 0); {cheapest([first, *equal])}."
+        )
     unknown = [o for o, interval in differences if not interval.is_known]
     if unknown:
-        text = f"It is not known whether {first.name} is better than {names(unknown)}"
-        yield f"{text}: the difference has no interval ({FEW_BLOCKS}, or the table is older)."
+        yield (
+            f"It is not known whether {first.name} is better than {names(unknown)}: the difference "
+            f"has no interval ({FEW_BLOCKS}, or the table is older)."
+        )
 
 
 def cheapest(options: Sequence[Option]) -> str:
@@ -300,8 +308,10 @@ def doubts_of_latency(named: Sequence[Option], requirements: Requirements) -> It
     late = [o for o in named if o.latency_p95_ms > requirements.limit_ms(o.frame_ms)]
     if late:
         limits = requirements.limits_text(option.frame_ms for option in late)
-        text = f"Above {limits} in more than 5 % of the frames: {names(late)}"
-        yield f"{text}. Their median latency is lower."
+        yield (
+            f"Above {limits} in more than 5 % of the frames: {names(late)}. Their median latency "
+            "is lower."
+        )
 
 
 def left_out(options: Sequence[Option], table: pd.DataFrame) -> Iterator[str]:

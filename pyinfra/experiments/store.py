@@ -5,14 +5,16 @@ run again (`fill`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import pandas as pd
 from pandas.api.types import is_string_dtype
 
-from pyinfra.core.files import held, replacing
-from pyinfra.formats.csv_table import WORDS, existing, number_text, read_csv
+from pyinfra.core.files import held
+from pyinfra.formats.csv_table import WORDS, existing, read_csv, write_csv
+
+Key = TypeVar("Key")
 
 
 def read(file: Path, words: Sequence[str] = ()) -> pd.DataFrame:
@@ -31,24 +33,18 @@ def put(file: Path, rows: pd.DataFrame, key: Sequence[str]) -> None:
     words = [name for name in rows if is_string_dtype(rows[name])]
     with held(lock(file), wait=True):
         kept = without(read(file, words), rows, key)
-        write(file, pd.concat([t for t in (kept, rows) if len(t)], ignore_index=True))
+        write_csv(file, pd.concat([t for t in (kept, rows) if len(t)], ignore_index=True))
 
 
 def drop(file: Path, rows: pd.DataFrame, key: Sequence[str]) -> None:
     """Removes the rows of a file's table that have the key of one of `rows`."""
     with held(lock(file), wait=True):
-        write(file, without(read(file), rows, key))
+        write_csv(file, without(read(file), rows, key))
 
 
 def lock(file: Path) -> Path:
     """Returns the lock file of a folder's tables, which all writers share."""
     return file.parent / "locks/tables"
-
-
-def write(file: Path, table: pd.DataFrame, digits: int = 6) -> None:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(file) as beside:
-        table.to_csv(beside, index=False, float_format=partial(number_text, digits=digits))
 
 
 def without(table: pd.DataFrame, rows: pd.DataFrame, key: Sequence[str]) -> pd.DataFrame:
@@ -83,5 +79,13 @@ def has_each(table: pd.DataFrame, keys: Sequence[Mapping[str, object]]) -> list[
     if table.empty or not keys:
         return [False] * len(keys)
     wanted = pd.DataFrame(keys)
-    present: list[bool] = among(wanted, table, list(wanted)).to_list()
-    return present
+    return list(among(wanted, table, list(wanted)))
+
+
+def with_row(keys: Sequence[Key], table: pd.DataFrame, *, present: bool = True) -> list[Key]:
+    """Returns the keys that have a row in the table; without `present`, those that have none.
+
+    keys: objects of one class, whose attributes are the key of a row.
+    """
+    there = has_each(table, [vars(key) for key in keys])
+    return [key for key, has_row in zip(keys, there, strict=True) if has_row == present]

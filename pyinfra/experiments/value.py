@@ -34,8 +34,9 @@ class Costs:
 
         `pole_usd` and `installation_usd` are the sums over all mounts.
         """
-        each = {"pole_usd": self.pole_usd, "installation_usd": self.installation_usd}
-        return replace(self, **{name: mounts * usd for name, usd in each.items()})
+        return replace(
+            self, pole_usd=mounts * self.pole_usd, installation_usd=mounts * self.installation_usd
+        )
 
     @property
     def energy_usd(self) -> float:
@@ -92,8 +93,7 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
         if len(t)
         else ""
     )
-    pareto = (t.dominated_by == "") & t.ap_whole_r1000.notna()
-    t.insert(len(t.columns) - 1, "pareto", pareto)
+    t.insert(len(t.columns) - 1, "pareto", (t.dominated_by == "") & t.ap_whole_r1000.notna())
     return t
 
 

@@ -1,17 +1,18 @@
-"""A CSV reader that does not convert text columns.
+"""A CSV reader that does not convert text columns, and the writer of tables.
 
 The name of a LiDAR may therefore be `007`, `NA`, `1e5` or `null`.
 """
 
 import csv
 import re
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from pyinfra.core.errors import FormatError
+from pyinfra.core.files import replacing
 from pyinfra.core.names import suggestion
 
 # Names of the text columns in the tables of this project. All other columns are numbers.
@@ -79,6 +80,27 @@ def number_text(value: float, digits: int = 6) -> str:
     """Returns a number for a table: whole numbers exactly, others with `digits` digits."""
     whole = float(value).is_integer() and abs(value) < 2**53
     return f"{value:.0f}" if whole else f"{value:.{digits}g}"
+
+
+def write_csv(
+    file: Path, table: pd.DataFrame, number_format: str | Callable[[float], str] = number_text
+) -> None:
+    """Writes a table, and makes the folder of the file if there is none."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(file) as beside:
+        table.to_csv(beside, index=False, float_format=number_format)
+
+
+def write_tables(
+    folder: Path,
+    tables: Mapping[str, pd.DataFrame],
+    number_format: str | Callable[[float], str] = number_text,
+) -> list[Path]:
+    """Writes NAME.csv of each table to a folder, and returns the files."""
+    files = {name: folder / f"{name}.csv" for name in tables}
+    for name, file in files.items():
+        write_csv(file, tables[name], number_format)
+    return list(files.values())
 
 
 def existing(file: Path) -> Path:

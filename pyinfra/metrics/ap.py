@@ -12,7 +12,7 @@ twice. With one row of weights per bootstrap replicate, one call computes all re
 AP uses at most about 2,000 operating points. In the tests, this limit changes AP by less than 0.05.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -175,7 +175,9 @@ def _over_replicates(
         objects = weights @ ranking.objects
         result = np.zeros((len(weights), width))
         in_slot, counted_in_slot = _per_slot(ranking)
-        for part in _chunks(len(weights), in_slot.shape[1]):
+        size = max(1, _CHUNK // max(1, in_slot.shape[1]))
+        for start in range(0, len(weights), size):
+            part = slice(start, start + size)
             drawn = weights[part].astype(np.float64)
             true_positives, counted = drawn @ in_slot, drawn @ counted_in_slot
             precision = np.divide(
@@ -184,12 +186,6 @@ def _over_replicates(
             result[part] = measure(true_positives, precision, objects[part])
     result[objects == 0] = np.nan
     return result
-
-
-def _chunks(replicates: int, points: int) -> Iterator[slice]:
-    size = max(1, _CHUNK // max(1, points))
-    for start in range(0, replicates, size):
-        yield slice(start, start + size)
 
 
 def _per_slot(ranking: Ranking) -> tuple[FloatArray, FloatArray]:

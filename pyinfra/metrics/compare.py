@@ -94,15 +94,13 @@ def _by_distance(pairs: Sequence[tuple[Evaluation, Evaluation]], subset: str) ->
     rows = []
     for ring in common:
         figure = over_seeds([x[ring].less(y[ring]) for x, y in rings])
-        ends = {"value": figure.value, "low": figure.low, "high": figure.high}
-        rows.append({"distance_m": ring, **ends, "significant": figure.is_significant})
+        rows.append({"distance_m": ring, **vars(figure), "significant": figure.is_significant})
     return pd.DataFrame(rows, columns=["distance_m", "value", "low", "high", "significant"])
 
 
 def _rows(a: Evaluation, b: Evaluation, ground_truth: str | None) -> tuple[pd.Series, pd.Series]:
     """Returns the rows of both with the AP of a subset. Raises Error if they cannot be compared."""
-    names = [set(evaluation.ap.ground_truth) for evaluation in (a, b)]
-    common = [name for name in a.ap.ground_truth if name in names[1]]
+    common = [name for name in a.ap.ground_truth if name in set(b.ap.ground_truth)]
     subset = ground_truth or (common[0] if common else "")
     if subset not in common:
         raise Error(f"ground_truth: expected one of {', '.join(common)}, got '{subset}'")
@@ -112,14 +110,11 @@ def _rows(a: Evaluation, b: Evaluation, ground_truth: str | None) -> tuple[pd.Se
             raise Error(
                 f"compare: {name}: expected the same value in both, got {value} and {second[name]}"
             )
-    rows = []
-    for evaluation in (a, b):
-        table = evaluation.replicates[
-            (evaluation.replicates.ground_truth == subset)
-            & (evaluation.replicates.measure == "ap_r1000")
-        ]
-        rows.append(table.iloc[0])
-    return rows[0], rows[1]
+    first, other = (
+        table[(table.ground_truth == subset) & (table.measure == "ap_r1000")].iloc[0]
+        for table in (a.replicates, b.replicates)
+    )
+    return first, other
 
 
 def _measured(evaluation: Evaluation, subset: str) -> dict[str, object]:

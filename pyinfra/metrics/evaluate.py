@@ -216,13 +216,11 @@ def evaluate_tables(
     first = next(iter(match_inputs.values()))
     parts = _primary_tables(first, settings, ranges=ranges)
     parts = {name: _named(rows, truth, settings) for name, rows in parts.items()}
-    off_region = _off_region(match_inputs, settings)
-    all_findings = (*findings, *result_warnings(table, truth, settings))
     return Evaluation(
         truth=truth,
         ap=table,
-        off_region=off_region,
-        findings=all_findings,
+        off_region=_off_region(match_inputs, settings),
+        findings=(*findings, *result_warnings(table, truth, settings)),
         predictions=predictions,
         settings=settings,
         **parts,
@@ -283,9 +281,9 @@ def _primary_tables(
     for which, match_result in primary_results(one, settings).items():
         distance, replicates = distance_table(match_result, settings.min_objects)
         if settings.cut_first:
-            windows = one.truth.windows()
-            cut = cut_first_ap(one, which, enough, settings.min_points, windows)
-            distance["ap_cut_first"] = cut
+            distance["ap_cut_first"] = cut_first_ap(
+                one, which, enough, settings.min_points, one.truth.windows()
+            )
             distance["difference"] = distance.ap_cut_first - distance.ap_r1000
         areas = (distance, replicates)
         by_table = {"pr_curve": pr_table(match_result), "distance_ap": distance}
@@ -299,7 +297,6 @@ def _primary_tables(
             by_table["ranges"] = pd.DataFrame([row for row, _ in near])
             measures += [(measure_of(row["range_m"]), r1000) for row, r1000 in near]
         same = same_of(one.truth, match_result.blocks, settings.seed)
-        replicate_table = replicate_rows(same, which, measures)
         by_table |= {
             "areas": area_table(match_result, *areas),
             "errors": error_table(match_result),
@@ -308,7 +305,7 @@ def _primary_tables(
         for name, rows in by_table.items():
             rows.insert(0, "ground_truth", which)
             tables.setdefault(name, []).append(rows)
-        tables.setdefault("replicates", []).append(replicate_table)
+        tables.setdefault("replicates", []).append(replicate_rows(same, which, measures))
     return {name: pd.concat(parts, ignore_index=True) for name, parts in tables.items()}
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.core.errors import Error
-from pyinfra.core.names import path_of, suggestion
+from pyinfra.core.names import check_name, path_of
 from pyinfra.core.vocabulary import OBJECT_CLASSES
 from pyinfra.dataset.frame_readers import Cameras, read_cameras, read_predictions
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
@@ -82,9 +82,7 @@ def default_settings(gt: Path, object_class: str = "vehicle") -> Settings:
 
 def settings_of(object_class: str, *, has_objects: bool) -> Settings:
     """Returns the default settings of a class. Raises Error for an unknown class."""
-    if object_class not in OBJECT_CLASSES:
-        near = suggestion(object_class, OBJECT_CLASSES)
-        raise Error(f"object_class: expected a known class, got '{object_class}'{near}")
+    check_name(object_class, OBJECT_CLASSES, "object_class", "a known class")
     settings = class_settings({object_class: OBJECT_CLASSES[object_class]})
     return settings if has_objects else replace(settings, ground_truths=("captured",))
 

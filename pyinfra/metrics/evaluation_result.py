@@ -12,13 +12,12 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.errors import Error
-from pyinfra.core.files import replacing
 from pyinfra.core.names import StrPath, path_of
 from pyinfra.core.present import Presented
 from pyinfra.core.vocabulary import Subset
 from pyinfra.dataset.frame_tables import Predictions
 from pyinfra.dataset.regions import FOOTWAYS_M
-from pyinfra.formats.csv_table import number_text
+from pyinfra.formats.csv_table import write_tables
 from pyinfra.metrics.comparison import Bootstrapped
 from pyinfra.metrics.evaluation_tables import (
     shown_ap,
@@ -82,13 +81,7 @@ class Evaluation(Presented):
 
     def save(self, folder: StrPath) -> list[Path]:
         """Writes the tables as CSV files to a folder, and returns the files."""
-        out, files = path_of(folder, "folder"), []
-        out.mkdir(parents=True, exist_ok=True)
-        for name, table in self.tables().items():
-            files.append(out / f"{name}.csv")
-            with replacing(files[-1]) as beside:
-                table.to_csv(beside, index=False, float_format=number_text)
-        return files
+        return write_tables(path_of(folder, "folder"), self.tables())
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draws AP (R1000) by distance, as `plot_ap_by_distance`."""

@@ -40,10 +40,9 @@ def summary(evaluation: Evaluation) -> str:
         if rows.boxes.notna().all():
             lines.append(f"boxes outside the region per minute, {name}: {_off_region(rows)}")
     if "difference" in evaluation.distance_ap:
-        worst = evaluation.distance_ap.difference.abs().max()
         lines.append(
             "removing the boxes outside a window before matching changes the AP of the window by "
-            f"up to {worst:.2f}"
+            f"up to {evaluation.distance_ap.difference.abs().max():.2f}"
         )
     return "\n".join(lines)
 

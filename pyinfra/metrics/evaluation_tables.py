@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.arrays import AnyArray, FloatArray, IntArray
+from pyinfra.core.arrays import FloatArray, IntArray
 from pyinfra.core.vocabulary import Subset
 from pyinfra.dataset.windows import EVERY_ROAD, Window
 from pyinfra.metrics import ap
 from pyinfra.metrics.comparison import Bootstrapped
+from pyinfra.metrics.intervals import ratio
 from pyinfra.metrics.label_free_quality import CUTS
 from pyinfra.metrics.match_input import MatchInput
 from pyinfra.metrics.match_results import CAUSES, MatchResult, causes, count_matches, precision
@@ -36,14 +37,16 @@ QUALITIES = ("high", "undecided", "low", "few")
 def ap_row(match_result: MatchResult, iou: float, protocol: Protocol) -> dict[str, Any]:
     """Returns the row of AP over all frames, without the columns class and ground_truth."""
     ranking = match_result.ranking()
-    value, low, high = _ap_with_interval(match_result, ranking, protocol)[:3]
+    value = float(precision(ranking, protocol, None)[0])
+    replicates = precision(ranking, protocol, match_result.weights)
+    low, high = match_result.interval(value, replicates, ranking.objects)
     metric = match_result.match_input.metric
     return {
         "iou": iou,
         "protocol": protocol if metric == "bev" else f"{protocol}-{metric}",
         "ap": value,
-        "ap_low": low,
-        "ap_high": high,
+        "ap_low": float(low),
+        "ap_high": float(high),
         **r1000_columns(match_result, ap_r1000_of(match_result)),
         "objects": match_result.objects,
         "predictions": len(ranking.slot),
@@ -98,10 +101,15 @@ def pr_table(match_result: MatchResult) -> pd.DataFrame:
     low, high = match_result.interval(100 * value, 100 * replicates, ranking.objects)
     needed = -(-recalls * match_result.objects // PR_RECALLS)
     point = np.searchsorted(ranking.true_positives_upto, needed)
-    score = np.append(ranking.scores, np.nan)[point]
-    ends = {"precision_low": low / 100, "precision_high": high / 100}
-    columns = {"precision": value, **ends, "score": score}
-    return pd.DataFrame({"recall": recalls / PR_RECALLS, **columns})
+    return pd.DataFrame(
+        {
+            "recall": recalls / PR_RECALLS,
+            "precision": value,
+            "precision_low": low / 100,
+            "precision_high": high / 100,
+            "score": np.append(ranking.scores, np.nan)[point],
+        }
+    )
 
 
 def distance_table(match_result: MatchResult, min_objects: int) -> tuple[pd.DataFrame, FloatArray]:
@@ -238,7 +246,7 @@ def high_quality_share(distance: pd.DataFrame, replicates: FloatArray) -> FloatA
     """
     shown = ((distance.quality != "few") & distance.ap_r1000_low.notna()).to_numpy()
     defined = (~np.isnan(replicates[shown])).sum(0)
-    return _ratio(100.0 * (replicates[shown] > HIGH_QUALITY).sum(0), defined)
+    return ratio(100.0 * (replicates[shown] > HIGH_QUALITY).sum(0), defined)
 
 
 def error_table(match_result: MatchResult) -> pd.DataFrame:
@@ -254,7 +262,6 @@ def error_table(match_result: MatchResult) -> pd.DataFrame:
     dx, dy = p[:, 0] - v[:, 0], p[:, 1] - v[:, 1]
     cos, sin = np.cos(v[:, 6]), np.sin(v[:, 6])
     turn = np.degrees(p[:, 6] - v[:, 6])
-    away = (turn + 180) % 360 - 180
     errors = {
         "horizontal": ("m", np.hypot(dx, dy)),
         "ahead": ("m", cos * dx + sin * dy),
@@ -264,7 +271,7 @@ def error_table(match_result: MatchResult) -> pd.DataFrame:
         "width": ("m", p[:, 4] - v[:, 4]),
         "height": ("m", p[:, 5] - v[:, 5]),
         "heading": ("deg", (turn + 90) % 180 - 90),
-        "reversed": ("percent", 100.0 * (np.abs(away) > 90)),
+        "reversed": ("percent", 100.0 * (np.abs((turn + 180) % 360 - 180) > 90)),
     }
     slot = match_result.blocks.slot[match_input.predictions.frame[match_result.true_positive]]
     return pd.DataFrame(
@@ -282,7 +289,7 @@ def _error(match_result: MatchResult, values: FloatArray, slot: IntArray) -> dic
     counts = np.bincount(slot, minlength=weights.shape[1])
     has_values = len(values) > 0
     mean = float(absolute.mean()) if has_values else math.nan
-    replicates = _ratio(weights @ sums, weights @ counts)
+    replicates = ratio(weights @ sums, weights @ counts)
     low, high = match_result.interval(mean, replicates, counts, most=math.inf)
     return {
         "mean": values.mean() if has_values else math.nan,
@@ -305,7 +312,7 @@ def false_positive_table(match_result: MatchResult, iou: float, *, strict: bool)
         counts = np.bincount(slot[names == cause], minlength=weights.shape[1])
         count = int(counts.sum())
         share = 100 * count / len(names) if len(names) > 0 else math.nan
-        replicates = 100 * _ratio(weights @ counts, weights @ total)
+        replicates = 100 * ratio(weights @ counts, weights @ total)
         low, high = map(float, match_result.interval(share, replicates, total))
         rows.append({"cause": cause, "count": count, "share": share, "low": low, "high": high})
     return pd.DataFrame(rows)
@@ -329,17 +336,3 @@ def off_region_table(match_input: MatchInput, matches: IntArray) -> pd.DataFrame
             row |= {name: count, f"{name}_per_min": count / minutes}
         rows.append(row)
     return pd.DataFrame(rows)
-
-
-def _ratio(above: AnyArray, below: AnyArray) -> FloatArray:
-    out = np.full(above.shape, np.nan)
-    return np.asarray(np.divide(above, below, out=out, where=below > 0))
-
-
-def _ap_with_interval(
-    match_result: MatchResult, ranking: ap.Ranking, protocol: Protocol
-) -> tuple[float, float, float, FloatArray]:
-    value = float(precision(ranking, protocol, None)[0])
-    replicates = precision(ranking, protocol, match_result.weights)
-    low, high = match_result.interval(value, replicates, ranking.objects)
-    return value, float(low), float(high), replicates

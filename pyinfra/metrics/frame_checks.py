@@ -119,10 +119,14 @@ def _unreadable(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
                 errors.append(Finding("error", "missing-file", f"{error.filename}: missing"))
             except FormatError as error:
                 errors.append(Finding("error", "wrong-file", str(error)))
+    yield from _shortened(errors, folder)
+
+
+def _shortened(errors: Sequence[Finding], folder: Path, where: str = "") -> Iterator[Finding]:
+    """Yields at most MOST_ERRORS of the errors, and the number of the others."""
     yield from errors[:MOST_ERRORS]
-    if len(errors) > MOST_ERRORS:
-        more = f"{folder}: {len(errors) - MOST_ERRORS} more errors"
-        yield Finding("error", "more-errors", more)
+    if more := len(errors[MOST_ERRORS:]):
+        yield Finding("error", "more-errors", f"{folder}: {more} more errors{where}")
 
 
 def _unreadable_data_set(folder: Path) -> Iterator[Finding]:
@@ -224,8 +228,7 @@ def _sizes(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
             text = f"{file}: expected {rows:g} points, as in fields/{fields.name}, got {count:g}"
             errors.append(Finding("error", "cloud-size", text))
     around = median_filter(points, size=min(NEIGHBOURS, len(points)), mode="nearest")
-    small = np.flatnonzero((points < SMALL * around) & (points > 0))
-    for i in small[:MOST_ERRORS]:
+    for i in np.flatnonzero((points < SMALL * around) & (points > 0))[:MOST_ERRORS]:
         text = (
             f"{files[i]}: {points[i]:g} points, but the median of the frames around it is "
             f"{around[i]:g}; the file may be truncated"
@@ -272,10 +275,7 @@ def _counts(folder: Path, frames: Sequence[int]) -> Iterator[Finding]:
                 f"{distance.max():.1f} m"
             )
             errors.append(Finding("error", "cloud-range", text))
-    yield from errors[:MOST_ERRORS]
-    if len(errors) > MOST_ERRORS:
-        more = f"{folder}: {len(errors) - MOST_ERRORS} more errors in clouds"
-        yield Finding("error", "more-errors", more)
+    yield from _shortened(errors, folder, " in clouds")
 
 
 def _points_in(box: FloatArray, points: Points) -> int:
@@ -304,15 +304,19 @@ def _ranges(folder: Path, vehicles: Vehicles) -> Iterator[Finding]:
         "anchor heights and point range of a detector must cover these heights"
     )
     if cut > 0:
-        text += f". The centres of {100 * cut:.0f} % of the vehicles are below {USUAL_LOW_Z:g} m, "
-        text += "the usual lower limit of the point range; a detector with this limit misses them"
+        text += (
+            f". The centres of {100 * cut:.0f} % of the vehicles are below {USUAL_LOW_Z:g} m, the "
+            "usual lower limit of the point range; a detector with this limit misses them"
+        )
     yield Finding("note", "z-range", text)
     reach = np.abs(boxes[:, :2]).max(axis=1)
     far = 100 * (reach > USUAL_FAR_M).mean()
     behind = 100 * (boxes[:, 0] < 0).mean()
-    text = f"{folder}: the largest absolute x or y of a vehicle is {reach.max():.0f} m; "
-    text += f"{far:.0f} % of the vehicles lie beyond {USUAL_FAR_M:g} m and {behind:.0f} % behind "
-    text += "the sensor (x < 0); the usual forward point range does not cover these vehicles"
+    text = (
+        f"{folder}: the largest absolute x or y of a vehicle is {reach.max():.0f} m; {far:.0f} % "
+        f"of the vehicles lie beyond {USUAL_FAR_M:g} m and {behind:.0f} % behind the sensor "
+        "(x < 0); the usual forward point range does not cover these vehicles"
+    )
     yield Finding("note", "xy-range", text)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.errors import Error
+from pyinfra.core.rows import concatenated
 from pyinfra.core.vocabulary import Subset
 from pyinfra.dataset import regions
 from pyinfra.dataset.data_set import MIN_VISIBILITY, field_of_view_mask, is_of_lanes, read_lidars
@@ -60,8 +61,7 @@ class GroundTruth:
         if not self.roads or self.lidar is None:
             return by_distance(boxes, self.drawn, margin_m=beside_m)
         roads = [replace(road, half_width=road.half_width + beside_m) for road in self.roads]
-        world = to_world(boxes, self.lidar.T_world_levelled)
-        return locate(world, roads, self.outlines)
+        return locate(to_world(boxes, self.lidar.T_world_levelled), roads, self.outlines)
 
     def windows(self) -> list[Window]:
         """Returns the windows along the roads, or rings around the sensor if there are no roads."""
@@ -129,8 +129,7 @@ def read_ground_truth(
     if beyond_range and has_objects and lidar is not None:
         farthest = max((_reach(other), other.name) for other, _ in neighbours)
         if farthest[0] > _reach(lidar):
-            others = read_vehicles(data_set / farthest[1], frames)
-            vehicles = with_unreached(vehicles, others)
+            vehicles = with_unreached(vehicles, read_vehicles(data_set / farthest[1], frames))
         vehicles = with_absent(vehicles, data_set / "trajectories.csv", frames, lidar)
     file = data_set / "roads.csv"
     roads = tuple(read_roads(file)) if lidar and file.is_file() else ()
@@ -224,11 +223,6 @@ def _with(vehicles: Vehicles, extra: Vehicles) -> Vehicles:
 
     For the vehicles of `extra`, `points` is 0 and `boxes` holds the boxes at mid-frame.
     """
-    columns = {
-        name: np.concatenate([vars(vehicles)[name], vars(extra)[name]]) for name in vars(vehicles)
-    }
-    columns["points"][len(vehicles) :] = 0
-    columns["boxes"][len(vehicles) :] = extra.mid_frame
-    joined = Vehicles(**columns)
-    order = np.argsort(joined.frame, kind="stable")
-    return Vehicles(**{name: column[order] for name, column in vars(joined).items()})
+    added = replace(extra, points=np.zeros_like(extra.points), boxes=extra.mid_frame)
+    joined = concatenated([vehicles, added])
+    return joined.select(np.argsort(joined.frame, kind="stable"))

@@ -19,9 +19,12 @@ def ground_truth_findings(
     types that are evaluated.
     """
     if len(vehicles) == 0:
-        text = f"{lidar_folder}: no label in {len(frames)} frames, so AP is undefined; "
-        text += "`pyinfra validate` can check predictions without labels"
-        yield Finding("warning", "no-labels", text)
+        yield Finding(
+            "warning",
+            "no-labels",
+            f"{lidar_folder}: no label in {len(frames)} frames, so AP is undefined; "
+            "`pyinfra validate` can check predictions without labels",
+        )
     if other := other_types(lidar_folder, frames, vehicles, types):
         yield Finding("warning", "other-types", other)
     if missing := without_region(lidar_folder):

@@ -108,8 +108,7 @@ def time_blocks(
     apart_s = period_s * float(np.median(np.diff(frames[first]))) if count > 1 else SLOT_S
     length = max(1, round(block_s / max(SLOT_S, apart_s)))
     enough = count >= MIN_BLOCKS * length
-    random = np.random.default_rng(seed)
-    taken = _runs(count, length, replicates if enough else 0, random)
+    taken = _runs(count, length, replicates if enough else 0, np.random.default_rng(seed))
     return Blocks(frames, slot.astype(np.int64), taken, length, block_s)
 
 
@@ -188,8 +187,7 @@ def ranks_of_median(samples: int, level: float = LEVEL) -> tuple[int, int]:
     return ranks[0], ranks[1]
 
 
-def ratio(above: FloatArray, below: FloatArray) -> FloatArray:
+def ratio(above: AnyArray, below: AnyArray) -> FloatArray:
     """Returns above / below for arrays of equal shapes; NaN where below is 0."""
-    out: FloatArray = np.full(np.broadcast_shapes(above.shape, below.shape), np.nan)
-    np.divide(above, below, out=out, where=below != 0)
-    return out
+    out = np.full(np.broadcast_shapes(above.shape, below.shape), np.nan)
+    return np.asarray(np.divide(above, below, out=out, where=below != 0))

@@ -18,8 +18,6 @@ boxes.
   these boxes are confirmed. Hedges, rails and parked vehicles cause standing boxes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields
 
@@ -28,6 +26,7 @@ from scipy.spatial import cKDTree
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.boxes import bev_overlap
+from pyinfra.core.rows import Rows
 
 CUTS = (0.1, 0.2, 0.3, 0.5, 0.7)
 POINTS = 3
@@ -48,18 +47,12 @@ MOST_FAULTY = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class BoxSeries:
+class BoxSeries(Rows):
     """Boxes of several frames, ordered by frame."""
 
     frame: IntArray  # (n,) number of the frame, ascending
     boxes: FloatArray  # (n, 7) levelled LiDAR frame
     scores: FloatArray  # (n,)
-
-    def __len__(self) -> int:
-        return len(self.frame)
-
-    def select(self, keep: BoolArray) -> BoxSeries:
-        return BoxSeries(self.frame[keep], self.boxes[keep], self.scores[keep])
 
 
 @dataclass(frozen=True)

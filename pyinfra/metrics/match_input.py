@@ -78,12 +78,6 @@ class MatchInput:
         on = holding_centres(p.frame, p.boxes, who.frame, who.boxes)
         return on & (self.best_overlap < LEAST_OVERLAP - TIE)
 
-    def on_detected(self, detected: BoolArray) -> BoolArray:
-        """Returns which predictions overlap a detected vehicle: (p,). detected: (v,) mask."""
-        on = np.zeros(len(self.predictions), dtype=np.bool_)
-        on[self.pairs.prediction[detected[self.pairs.vehicle]]] = True
-        return on
-
     def match(self, iou: float, *, strict: bool, within: Window | None = None) -> IntArray:
         """Returns the vehicle that each prediction is matched with: (p,), -1 for none.
 
@@ -129,8 +123,7 @@ def blocks_of(truth: GroundTruth, settings: Settings, *, present: bool = False) 
     the stay of all vehicles in the region, which is the same for all mounts.
     """
     frames = np.array(truth.frames, dtype=np.int64)
-    types = [t for group in settings.classes.values() for t in group]
-    people = are_people(types)
+    people = are_people([t for group in settings.classes.values() for t in group])
     block_s = settings.block_s or block_seconds(truth, people=people, present=present)
     return intervals.time_blocks(
         frames, truth.period_s, block_s=block_s, replicates=settings.replicates, seed=settings.seed

@@ -67,8 +67,7 @@ class MatchResult:
         if window is not None:
             in_window = window.holds(match_input.vehicle_places)
             counted = counted & in_window
-            true_positive = true_positive.copy()
-            true_positive[true_positive] = in_window[self.matches[true_positive]]
+            true_positive = true_positive & np.append(in_window, False)[self.matches]
             false_positive = false_positive & window.holds(match_input.prediction_places)
         use = np.flatnonzero(true_positive | false_positive)
         return ap.rank(
@@ -96,8 +95,7 @@ class MatchResult:
         objects: (slots,) number of objects that the figure is computed from.
         """
         firsts = np.arange(0, len(objects), self.blocks.length)
-        with_objects = np.count_nonzero(np.add.reduceat(objects, firsts))
-        if with_objects < intervals.MIN_BLOCKS:
+        if np.count_nonzero(np.add.reduceat(objects, firsts)) < intervals.MIN_BLOCKS:
             return np.full(replicates.shape, np.nan)
         return replicates
 
@@ -127,18 +125,16 @@ def count_matches(
     counted = match_input.truth.counted(
         which, match_input.vehicles, match_input.vehicle_places, min_points
     )
-    matched = matches >= 0
+    true_positive = np.append(counted, False)[matches]  # False for the match -1
     # Boxes that are false positives if they are unmatched.
     false_if_unmatched = match_input.prediction_places.inside | match_input.on_people
     if match_input.of_people:
-        detected = np.zeros(len(counted), dtype=np.bool_)
-        detected[matches[matched]] = counted[matches[matched]]
-        false_if_unmatched |= match_input.on_detected(detected)
-    false_positive = ~matched & false_if_unmatched
+        pairs = match_input.pairs
+        of_detected = np.isin(pairs.vehicle, matches[true_positive])
+        false_if_unmatched[pairs.prediction[of_detected]] = True
+    false_positive = (matches < 0) & false_if_unmatched
     if which == "common":
         false_positive &= match_input.truth.in_common_view(match_input.predictions.boxes)
-    true_positive = matched.copy()
-    true_positive[matched] = counted[matches[matched]]
     blocks = match_input.present_blocks if which == "present" else match_input.blocks
     return MatchResult(match_input, matches, counted, true_positive, false_positive, blocks)
 

@@ -43,8 +43,7 @@ def rings(result: MatchResult) -> Iterator[tuple[float, ap.Ranking, Bootstrapped
     places = result.match_input.vehicle_places
     distance = np.hypot(places.xy[:, 0] - x, places.xy[:, 1] - y)[result.counted]
     for i in range(int(distance.max(initial=0) // RING_M) + 1):
-        ring = Ring(x, y, i * RING_M, (i + 1) * RING_M)
-        ranking = result.ranking(ring)
+        ranking = result.ranking(Ring(x, y, i * RING_M, (i + 1) * RING_M))
         yield (i + 0.5) * RING_M, ranking, ap_r1000_of(result, ranking)
 
 

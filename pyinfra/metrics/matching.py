@@ -8,8 +8,6 @@ Therefore their order in the files does not matter. All vehicles of a frame can 
 vehicles that the evaluation does not count.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
@@ -18,6 +16,7 @@ import numpy as np
 
 from pyinfra.core import boxes as overlap
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.rows import Rows, concatenated
 
 Metric = Literal["bev", "3d", "centre"]
 
@@ -32,15 +31,12 @@ _PAIRS = 500_000  # number of pairs that are processed together
 
 
 @dataclass(frozen=True, eq=False)
-class Pairs:
+class Pairs(Rows):
     """n pairs of a prediction and a vehicle of the same frame that overlap."""
 
     prediction: IntArray  # (n,)
     vehicle: IntArray  # (n,)
     iou: FloatArray  # (n,)
-
-    def select(self, keep: BoolArray | IntArray) -> Pairs:
-        return Pairs(self.prediction[keep], self.vehicle[keep], self.iou[keep])
 
 
 def overlapping_pairs(
@@ -56,17 +52,15 @@ def overlapping_pairs(
     and (v, 7).
     """
     measure = _MEASURES[metric]
-    chunks = []
+    chunks = [Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
     for p, v in pairs_of_frames(prediction_frame, vehicle_frame):
         if metric != "centre":
             near = _may_overlap(predictions, vehicles, p, v)
             p, v = p[near], v[near]
         iou = measure(predictions[p], vehicles[v])
         much = iou >= LEAST_OVERLAP - TIE
-        chunks.append((p[much], v[much], iou[much]))
-    if not chunks:
-        return Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
-    return Pairs(*(np.concatenate(column) for column in zip(*chunks, strict=True)))
+        chunks.append(Pairs(p[much], v[much], iou[much]))
+    return concatenated(chunks)
 
 
 def _closeness(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -129,8 +123,7 @@ def true_positives(
     """Returns which predictions are matched: (p,). Arguments are as in overlapping_pairs."""
     pairs = overlapping_pairs(prediction_frame, predictions, vehicle_frame, vehicles, metric)
     pairs = in_order(pairs, scores, predictions, vehicles)
-    threshold = threshold_of(metric, iou)
-    return np.asarray(match(pairs, len(predictions), len(vehicles), threshold) >= 0)
+    return np.asarray(match(pairs, len(predictions), len(vehicles), threshold_of(metric, iou)) >= 0)
 
 
 def reaches(iou: FloatArray, threshold: float, *, strict: bool) -> BoolArray:

@@ -5,9 +5,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.errors import Error
+from pyinfra.core.rows import Rows, concatenated
 from pyinfra.core.vocabulary import VEHICLE_TYPES
 from pyinfra.dataset.data_set import (
     MIN_VISIBILITY,
@@ -101,10 +103,10 @@ def read_observations(data: DataSet, *, above_road: bool = False) -> Observation
         _read_objects(data, i, None if levels is None else levels[i])
         for i in range(len(data.lidars))
     ]
-    keys = np.concatenate([table.keys for table in tables])
-    unique, first = np.unique(keys, axis=0, return_index=True)
+    every = concatenated(tables)
+    unique, first = np.unique(every.keys, axis=0, return_index=True)
     rows = [_rows(unique, table.keys) for table in tables]
-    values = np.concatenate([table.values for table in tables])[first]
+    values = every.values[first]
     points = np.zeros((2, len(unique), len(tables)), dtype=np.int64)
     for i, (table, at) in enumerate(zip(tables, rows, strict=True)):
         points[:, at, i] = table.points.T
@@ -179,7 +181,7 @@ def hit_counts(data: DataSet, lidar: kitti.Lidar, *, above_road: bool = False) -
 
 
 @dataclass(frozen=True, eq=False)
-class _ObjectTable:
+class _ObjectTable(Rows):
     """The objects of one LiDAR in all frames."""
 
     keys: IntArray  # (n, 2) frame, id
@@ -189,7 +191,7 @@ class _ObjectTable:
 
 def _read_objects(data: DataSet, lidar: int, level: float | None) -> _ObjectTable:
     folder = data.lidar_folder(data.lidars[lidar].name)
-    keys, values, points = [], [], []
+    parts = []
     nameless = 0  # rows without an id so far; their keys are -1, -2, ...
     for frame in data.frames:
         k = kitti.read_objects(kitti.frame_file(folder, "objects", frame))
@@ -199,11 +201,13 @@ def _read_objects(data: DataSet, lidar: int, level: float | None) -> _ObjectTabl
         unknown = ids < 0
         ids = np.where(unknown, -nameless - np.cumsum(unknown), ids)
         nameless += int(unknown.sum())
-        keys.append(np.stack([np.full(len(k), frame), ids], axis=1)[vehicle])
-        columns = np.column_stack([k.boxes[:, :3], k.distance, k.speed, k.visibility])
-        values.append(columns[vehicle])
-        points.append(np.stack([on_vehicle, k.points_in_box], axis=1)[vehicle])
-    return _ObjectTable(np.concatenate(keys), np.concatenate(values), np.concatenate(points))
+        objects = _ObjectTable(
+            keys=np.stack([np.full(len(k), frame), ids], axis=1),
+            values=np.column_stack([k.boxes[:, :3], k.distance, k.speed, k.visibility]),
+            points=np.stack([on_vehicle, k.points_in_box], axis=1),
+        )
+        parts.append(objects.select(vehicle))
+    return concatenated(parts)
 
 
 def _points_above(folder: Path, frame: int, ids: IntArray, level: float) -> IntArray:
@@ -236,11 +240,5 @@ def moving(vehicles: Observations, min_speed: float = 1.0) -> BoolArray:
 
 def same_rows(a: Observations, b: Observations) -> tuple[BoolArray, BoolArray]:
     """Returns masks of the rows in two tables that have the same frame and id in both."""
-    keys = [set(zip(t.frame.tolist(), t.ids.tolist(), strict=True)) for t in (a, b)]
-    both = keys[0] & keys[1]
-    return _member(a, both), _member(b, both)
-
-
-def _member(table: Observations, keys: set[tuple[int, int]]) -> BoolArray:
-    rows = zip(table.frame.tolist(), table.ids.tolist(), strict=True)
-    return np.array([row in keys for row in rows], dtype=np.bool_)
+    first, second = (pd.MultiIndex.from_arrays([t.frame, t.ids]) for t in (a, b))
+    return first.isin(second), second.isin(first)

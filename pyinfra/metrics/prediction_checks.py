@@ -103,8 +103,10 @@ def find_files(
     named = set(by_frame.values())
     odd = [file for file in present if file not in named]
     if odd:
-        text = f"{odd[0]}{_and_more(odd)}: expected a file name of six digits, got "
-        text += f"'{odd[0].stem}'; files with such names are left out"
+        text = (
+            f"{odd[0]}{_and_more(odd)}: expected a file name of six digits, got '{odd[0].stem}'; "
+            "files with such names are left out"
+        )
         findings.append(Finding("warning", "other-files", text))
     outside = by_frame.keys() - set(frames)
     if outside:
@@ -199,8 +201,7 @@ def _names(
     names, counts = np.unique(predictions.names[unevaluated], return_counts=True)
     listed = ", ".join(f"{name} ({count})" for name, count in zip(names, counts, strict=True))
     location = _first(predictions, files, unevaluated)
-    expected = ", ".join(types)
-    text = f"{location}: types that are not evaluated: {listed}; expected {expected}"
+    text = f"{location}: types that are not evaluated: {listed}; expected {', '.join(types)}"
     if known[unevaluated].all():
         # A detector can detect classes that are not evaluated. It may have detected those alone.
         text = f"types that are not evaluated: {listed}; `classes` sets the evaluated classes"
@@ -240,7 +241,7 @@ def _angles(predictions: Predictions, files: Sequence[Path | None]) -> Iterator[
 
 
 def _position_findings(predictions: Predictions, vehicles: Vehicles) -> Iterator[tuple[str, str]]:
-    p, v = _all_pairs(predictions, vehicles)
+    p, v = np.concatenate([*pairs_of_frames(predictions.frame, vehicles.frame)], axis=1)
     boxes, truth = predictions.boxes, vehicles.boxes
     share = _share_near(boxes, truth, p, v)
     if share < LEAST_NEAR:
@@ -317,13 +318,15 @@ def _heights(boxes: FloatArray, truth: FloatArray) -> Iterator[tuple[str, str]]:
         return
     text = f"boxes are {abs(off):.2f} m too {'high' if off > 0 else 'low'} (median)"
     if abs(abs(off) - half) < 0.25:
-        text += ", which is half of their height; z may be the bottom of the box instead of the "
-        text += "centre, or the reverse."
+        text += (
+            ", which is half of their height; z may be the bottom of the box instead of the "
+            "centre, or the reverse."
+        )
     else:
         text += (
             "; z may be relative to the road instead of the sensor, or the anchor height may be "
+            "wrong."
         )
-        text += "wrong."
     yield "height-offset", f"{text} This changes the 3-D IoU, but not the BEV IoU"
 
 
@@ -349,12 +352,6 @@ def _median_turn(turn: FloatArray) -> float:
     turn: differences of headings, radians. Headings that differ by 180 degrees are taken as equal.
     """
     return float(np.median(np.abs((np.degrees(turn) + 90) % 180 - 90)))
-
-
-def _all_pairs(predictions: Predictions, vehicles: Vehicles) -> tuple[IntArray, IntArray]:
-    parts = list(pairs_of_frames(predictions.frame, vehicles.frame))
-    p, v = zip(*parts, strict=True)
-    return np.concatenate(p), np.concatenate(v)
 
 
 def _share_near(boxes: FloatArray, truth: FloatArray, p: IntArray, v: IntArray) -> float:

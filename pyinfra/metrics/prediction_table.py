@@ -9,8 +9,7 @@ import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
-from pyinfra.core.names import suggestion
-from pyinfra.dataset.box_tables import box_table
+from pyinfra.dataset.box_tables import box_table, check_columns
 from pyinfra.dataset.frame_tables import Predictions
 from pyinfra.dataset.object_rows import BOX
 
@@ -73,10 +72,7 @@ def predictions_of(table: pd.DataFrame, frames: Sequence[int]) -> Predictions:
     ------
     Error : for a missing column, a value out of range, or a row of another frame
     """
-    for name in COLUMNS:
-        if name not in table.columns:
-            near = suggestion(name, map(str, table.columns))
-            raise Error(f"pred: expected the column '{name}', got none{near}")
+    check_columns(table, COLUMNS, "pred")
     wrong = [i for i, kind in enumerate(table["type"]) if not isinstance(kind, str)]
     if wrong:
         got = table["type"].iloc[wrong[0]]

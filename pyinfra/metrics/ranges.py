@@ -36,8 +36,7 @@ def by_range(match_result: MatchResult) -> Iterator[tuple[dict[str, Any], Bootst
     """
     centre = sensor_of(match_result.match_input.truth)
     for range_m in RANGES_M:
-        near = Near(range_m, centre)
-        ranking = match_result.ranking(near)
+        ranking = match_result.ranking(Near(range_m, centre))
         r1000 = ap_r1000_of(match_result, ranking)
         yield (
             {

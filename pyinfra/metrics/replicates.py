@@ -68,7 +68,11 @@ def figures(
     if counts.any():
         share = match_result.known(high_quality_share(table, replicates), objects)
         yield "p_hqda", Bootstrapped(100 * float(high) / int(counts.sum()), share, blocks)
-    yield from _slope_ahead(*distance, blocks)
+    windows, ap_replicates = distance
+    ahead = (windows.road == windows.road.iloc[0]) & windows.s.between(*AHEAD_M)
+    ahead &= windows.ap_r1000_high > windows.ap_r1000_low
+    if ahead.sum() >= LEAST_WINDOWS:
+        yield "ap_slope", slope(windows[ahead], ap_replicates[ahead], blocks)
     yield "recall", recall(match_result)
 
 
@@ -85,15 +89,6 @@ def recall(match_result: MatchResult) -> Bootstrapped:
     )
     known = match_result.known(np.array(replicates), ranking.objects)
     return Bootstrapped(float(value), known, match_result.blocks.count)
-
-
-def _slope_ahead(
-    distance: pd.DataFrame, replicates: FloatArray, blocks: float
-) -> Iterator[tuple[str, Bootstrapped]]:
-    ahead = (distance.road == distance.road.iloc[0]) & distance.s.between(*AHEAD_M)
-    ahead &= distance.ap_r1000_high > distance.ap_r1000_low
-    if ahead.sum() >= LEAST_WINDOWS:
-        yield "ap_slope", slope(distance[ahead], replicates[ahead], blocks)
 
 
 def slope(windows: pd.DataFrame, replicates: FloatArray, blocks: float) -> Bootstrapped:

@@ -2,7 +2,7 @@
 
 They include returns per frame, points per vehicle and the coverage of the field of view.
 scanning_tables.py computes the statistics of vehicles. scan_patterns.py computes the statistics of
-rays. This module combines their tables and writes CSV files. The definitions are in the section
+rays. This module combines their tables. The definitions are in the section
 "Scanning statistics" of docs/conventions/evaluation.md.
 """
 
@@ -15,12 +15,10 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.errors import FormatError
-from pyinfra.core.files import replacing
 from pyinfra.core.progress import track
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.data_set import DataSet, read_data_set
 from pyinfra.dataset.trajectories import existing, read_rows
-from pyinfra.formats.csv_table import number_text
 from pyinfra.metrics import scanning_tables as statistics_tables
 from pyinfra.metrics.intervals import Blocks
 from pyinfra.metrics.observations import (
@@ -205,18 +203,6 @@ def statistics(
     if patterns:
         tables |= _patterns_once(data_sets, above_road)
     return tables
-
-
-def write(tables: Tables, out: Path) -> list[Path]:
-    """Writes each table as NAME.csv; returns the files."""
-    out.mkdir(parents=True, exist_ok=True)
-    files = []
-    for name, table in tables.items():
-        file = out / f"{name}.csv"
-        with replacing(file) as beside:
-            table.to_csv(beside, index=False, float_format=number_text)
-        files.append(file)
-    return files
 
 
 def _patterns_once(data_sets: Sequence[DataSet], above_road: bool) -> Tables:

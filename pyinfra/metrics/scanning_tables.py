@@ -58,7 +58,6 @@ def points_per_vehicle(
     rows = []
     for i, lidar in enumerate(vehicles.lidars):
         for j, span in enumerate(_spans(edges)):
-            second = {f"{k}_hit": v for k, v in _cells("apv", hit, (j, i)).items()}
             rows.append(
                 {
                     "lidar": lidar,
@@ -66,7 +65,7 @@ def points_per_vehicle(
                     "vehicles": int(total[j, i, 1]),
                     **_cells("apv", mean, (j, i)),
                     "vehicles_hit": int(total[j, i, 2]),
-                    **second,
+                    **{f"{k}_hit": v for k, v in _cells("apv", hit, (j, i)).items()},
                 }
             )
     return pd.DataFrame(rows)
@@ -119,8 +118,7 @@ def only_one(vehicles: Observations, blocks: Blocks, from_m: float = FAR_M) -> p
     """
     far = vehicles.select(vehicles.distance >= from_m)
     alone, another = alone_and_another(far)
-    ones = np.ones_like(alone)
-    sums = blocks.sums(far.frame, np.stack([alone, another, ones], axis=2))
+    sums = blocks.sums(far.frame, np.stack([alone, another, np.ones_like(alone)], axis=2))
     share = blocks.estimate(sums, lambda s: 100 * ratio(s[..., 0], s[..., 2]), within=PERCENT)
     total = sums.sum(axis=0)
     return pd.DataFrame(
@@ -282,8 +280,7 @@ def aggregation_change(before: Observations, after: Observations, blocks: Blocks
     a, b = a.select(moving(a)), b.select(moving(a))
     rows = []
     for name in ("points", "points_in_box"):
-        pair = np.stack([getattr(a, name), getattr(b, name)], axis=2)
-        sums = blocks.sums(a.frame, pair)
+        sums = blocks.sums(a.frame, np.stack([getattr(a, name), getattr(b, name)], axis=2))
         change = blocks.estimate(sums, lambda s: 100 * (ratio(s[..., 1], s[..., 0]) - 1))
         total = sums.sum(axis=0) / max(len(a), 1)
         rows += [
@@ -310,11 +307,8 @@ def _binned(
 ) -> FloatArray:
     """Sums values (n, ...) by slot of time and bin of distance: (slots, bins, ...)."""
     number = np.searchsorted(edges, vehicles.distance, side="right") - 1
-    bins = []
-    for i in range(len(edges) - 1):
-        inside = number == i
-        bins.append(blocks.sums(vehicles.frame[inside], values[inside]))
-    return np.stack(bins, axis=1)
+    masks = [number == i for i in range(len(edges) - 1)]
+    return np.stack([blocks.sums(vehicles.frame[m], values[m]) for m in masks], axis=1)
 
 
 def _spans(edges: FloatArray) -> list[dict[str, float]]:

@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.errors import Error
-from pyinfra.core.files import replacing
 from pyinfra.core.names import path_of
 from pyinfra.core.present import Presented
 from pyinfra.core.public import public
 from pyinfra.core.vocabulary import KM_H
+from pyinfra.formats.csv_table import write_tables
 from pyinfra.tracking.lines import AnyLines, Line, lines_of
 from pyinfra.tracking.movements import movements
 from pyinfra.tracking.passages import passages
@@ -52,16 +52,16 @@ class Counts(Presented):
     queues: pd.DataFrame
 
     def facts(self) -> dict[str, object]:
-        counts = {"passages": len(self.passages), "lines": len(self.lines)}
-        return counts | {"seconds": f"{self.seconds:g}"}
+        return {
+            "passages": len(self.passages),
+            "lines": len(self.lines),
+            "seconds": f"{self.seconds:g}",
+        }
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Writes each table as a CSV file, such as flows.csv, and returns the folder."""
         out = path_of(folder, "folder")
-        out.mkdir(parents=True, exist_ok=True)
-        for name in TABLES:
-            with replacing(out / f"{name}.csv") as beside:
-                getattr(self, name).to_csv(beside, index=False, float_format="%.6g")
+        write_tables(out, {name: getattr(self, name) for name in TABLES}, "%.6g")
         return out
 
 
@@ -121,8 +121,7 @@ def flows(passed: pd.DataFrame, first: float, last: float, interval_s: float) ->
     """Returns counts, speeds, headways and occupancy by interval, line, direction, lane, type."""
     keys = ["start_s", "line", "direction", "lane", "type"]
     table = in_intervals(passed, first, interval_s)
-    speed = table.speed_km_h / KM_H
-    table = table.assign(over_s=table.length_m / np.maximum(speed, 0.5))
+    table = table.assign(over_s=table.length_m / np.maximum(table.speed_km_h / KM_H, 0.5))
     groups = table.groupby(keys, sort=True)
     out = groups.agg(
         count=("id", "size"),
@@ -150,8 +149,7 @@ def movement_table(
 def travel_table(moved: pd.DataFrame) -> pd.DataFrame:
     """Returns the travel times of movements between two lines."""
     timed = moved.dropna(subset=["travel_s"]).groupby("movement").travel_s
-    out = timed.agg(count="size", mean_s="mean", p85_s=lambda v: v.quantile(0.85))
-    return out.reset_index()
+    return timed.agg(count="size", mean_s="mean", p85_s=lambda v: v.quantile(0.85)).reset_index()
 
 
 def in_intervals(table: pd.DataFrame, first: float, interval_s: float) -> pd.DataFrame:

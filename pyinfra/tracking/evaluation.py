@@ -47,9 +47,12 @@ class TrackEvaluation(Presented):
     missed: pd.DataFrame
 
     def facts(self) -> dict[str, object]:
-        m, passages = self.measures, f"{len(self.passages)} of {self.movements.true.sum()}"
-        rounded = {"hota": f"{m.hota:.1f}", "mota": f"{m.mota:.1f}", "switches": int(m.switches)}
-        return rounded | {"passages": passages}
+        return {
+            "hota": f"{self.measures.hota:.1f}",
+            "mota": f"{self.measures.mota:.1f}",
+            "switches": int(self.measures.switches),
+            "passages": f"{len(self.passages)} of {self.movements.true.sum()}",
+        }
 
 
 @public()

@@ -59,8 +59,7 @@ def hota(truth: Sightings, tracks: Sightings) -> Hota:
     """Computes HOTA. It is NaN if there is neither truth nor a track."""
     true_ids, true_row = np.unique(truth.ids, return_inverse=True)
     ids, row = np.unique(tracks.ids, return_inverse=True)
-    frames = np.union1d(truth.frame, tracks.frame)
-    rows = [(truth.at(f), tracks.at(f)) for f in frames]
+    rows = [(truth.at(f), tracks.at(f)) for f in np.union1d(truth.frame, tracks.frame)]
     alike = [(a, b, similarity(truth.xy[a], tracks.xy[b])) for a, b in rows]
     # How alike two identities are over the recording, which decides between equal matches.
     potential = np.zeros((len(true_ids), len(ids)))
@@ -88,8 +87,7 @@ def hota(truth: Sightings, tracks: Sightings) -> Hota:
     associated = matches / np.maximum(1, true_count[:, None] + count - matches)
     ass = (matches * associated).sum((1, 2)) / np.maximum(1, found)
     loc = np.maximum(1e-10, near) / np.maximum(1e-10, found)
-    parts = (np.sqrt(det * ass), det, ass, loc)
-    return Hota(*(100 * float(part.mean()) for part in parts))
+    return Hota(*(100 * float(part.mean()) for part in (np.sqrt(det * ass), det, ass, loc)))
 
 
 def clear(truth: Sightings, tracks: Sightings, distance_m: float = ZERO_M) -> Clear:

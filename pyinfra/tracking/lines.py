@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
-from pyinfra.core.names import path_of
+from pyinfra.core.names import path_of, repeated
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
 from pyinfra.dataset.frames import data_set_of
 from pyinfra.dataset.loading import one_lidar
@@ -90,9 +90,7 @@ def lines_of(site: AnyLines) -> list[Line]:
         raise Error(
             "site: expected one or more lines or roads, got none; give a file with `lines_m`"
         )
-    names = [line.name for line in lines]
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
+    if twice := repeated([line.name for line in lines]):
         raise Error(f"site: expected a different name for each line, got '{twice}' twice")
     return lines
 

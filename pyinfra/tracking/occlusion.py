@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray
-from pyinfra.core.boxes import footprints
+from pyinfra.core.boxes import footprints, wrapped
 from pyinfra.dataset.data_set import field_of_view_mask
 from pyinfra.dataset.regions import Region
 from pyinfra.formats import kitti
@@ -19,19 +19,14 @@ LEFT_M = 2.0  # a box this far outside the region has left it
 class View:
     """What the sensors of frames can see, in the levelled frame.
 
-    sensors: positions (k, 3). lidar, tilt: their fields of view, if known. region: the area in
-    which a detector returns vehicles, if known.
+    sensors: positions (k, 3); by default one at the origin. lidar, tilt: their fields of view, if
+    known. region: the area in which a detector returns vehicles, if known.
     """
 
-    sensors: FloatArray
+    sensors: FloatArray = field(default_factory=lambda: np.zeros((1, 3)))
     lidar: kitti.Lidar | None = None
     tilt: kitti.Tilt | None = None
     region: Region | None = None
-
-    @classmethod
-    def unknown(cls) -> View:
-        """Returns the view of one sensor at the origin."""
-        return cls(np.zeros((1, 3)))
 
     @classmethod
     def of(cls, lidar: kitti.Lidar, tilt: kitti.Tilt, region: Region | None) -> View:
@@ -71,14 +66,10 @@ def hidden_behind(boxes: FloatArray, others: FloatArray, sensor: FloatArray) -> 
     distance, nearer = np.hypot(at[:, 0], at[:, 1]), np.hypot(blocker[:, 0], blocker[:, 1])
     azimuth, middle = np.arctan2(at[:, 1], at[:, 0]), np.arctan2(blocker[:, 1], blocker[:, 0])
     corners = footprints(others) - sensor[:2]
-    off = _turn(np.arctan2(corners[:, :, 1], corners[:, :, 0]) - middle[:, None])
-    turn = _turn(azimuth[:, None] - middle)
+    off = wrapped(np.arctan2(corners[:, :, 1], corners[:, :, 0]) - middle[:, None])
+    turn = wrapped(azimuth[:, None] - middle)
     between = (turn >= off.min(axis=1, initial=0)) & (turn <= off.max(axis=1, initial=0))
     top = at[:, 2] + boxes[:, 5] / 2
     ray = top[:, None] * nearer / np.maximum(distance, 1e-6)[:, None]  # height of the ray there
     blocked = ray < blocker[:, 2] + others[:, 5] / 2
     return np.asarray((between & blocked & (nearer < distance[:, None] - 1)).any(axis=1))
-
-
-def _turn(angle: FloatArray) -> FloatArray:
-    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

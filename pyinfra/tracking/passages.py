@@ -80,16 +80,13 @@ def _lanes(offset: FloatArray, sign: int) -> IntArray:
     if len(offset) == 1:
         return np.ones(1, np.int64)
     group = fcluster(linkage(offset[:, None], "average"), LANE_M, "distance")
-    middle = pd.Series(offset).groupby(group).mean()
-    order = middle.sort_values(ascending=sign < 0).index
-    number = {label: i + 1 for i, label in enumerate(order)}
-    return np.array([number[label] for label in group], dtype=np.int64)
+    order = pd.Series(offset).groupby(group).mean().sort_values(ascending=sign < 0).index
+    return np.asarray(order.get_indexer(group) + 1, np.int64)
 
 
 def with_headways(table: pd.DataFrame) -> pd.DataFrame:
     """Adds the time to the vehicle before in the lane: front to front, and without its length."""
-    lane = table.groupby(["line", "sign", "lane"], sort=False)
-    headway = lane.t_s.diff()
+    headway = table.groupby(["line", "sign", "lane"], sort=False).t_s.diff()
     passing_s = table.length_m / np.maximum(table.speed_km_h / KM_H, 0.5)
     before = passing_s.groupby([table.line, table["sign"], table.lane]).shift(1)
     return table.assign(headway_s=headway, gap_s=np.maximum(headway - before, 0))

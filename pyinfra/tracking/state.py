@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
-from pyinfra.core.boxes import centres_within_reach, pair_bev_overlap
+from pyinfra.core.boxes import centres_within_reach, pair_bev_overlap, wrapped
+from pyinfra.core.rows import Rows
 from pyinfra.core.vocabulary import OBJECT_CLASSES, PERSON_TYPES
 from pyinfra.tracking.motion import STATES, axes
 
@@ -22,14 +22,11 @@ ACROSS_M, ACROSS_PER_M = 0.12, 0.001
 
 
 @dataclass(frozen=True, eq=False)
-class Boxes:
+class Boxes(Rows):
     """The n boxes of one frame, in the levelled LiDAR frame."""
 
     values: FloatArray  # (n, 7) x y z dx dy dz heading
     votes: FloatArray  # (n, len(TYPES)) score of each type
-
-    def __len__(self) -> int:
-        return len(self.values)
 
     @property
     def scores(self) -> FloatArray:
@@ -47,17 +44,13 @@ class Boxes:
         along = ALONG_M + ALONG_PER_M * distance
         return axes(self.values[:, 6], along, ACROSS_M + ACROSS_PER_M * distance)
 
-    def select(self, rows: IntArray | BoolArray) -> Boxes:
-        return Boxes(self.values[rows], self.votes[rows])
-
     def merged(self) -> Boxes:
         """Returns the boxes without those that mostly lie in a better box.
 
         A detector of several types returns a box for each type that an object may have. The box
         that stays gets the score of each type.
         """
-        order = np.argsort(-self.votes.max(axis=1, initial=0), kind="stable")
-        boxes = self.select(order)
+        boxes = self.select(np.argsort(-self.votes.max(axis=1, initial=0), kind="stable"))
         kept = np.ones(len(boxes), dtype=bool)
         votes = boxes.votes.copy()
         pairs, share = shared(boxes.values)
@@ -69,7 +62,7 @@ class Boxes:
 
 
 @dataclass(eq=False)
-class Tracks:
+class Tracks(Rows):
     """The n tracks after a frame."""
 
     ids: IntArray  # (n,)
@@ -88,9 +81,6 @@ class Tracks:
     frames_missed: IntArray  # (n,) frames without
     seen: BoolArray  # (n,) whether the last frame has a box
     hidden: BoolArray  # (n,) whether another object hides it in the last frame
-
-    def __len__(self) -> int:
-        return len(self.ids)
 
     @classmethod
     def none(cls) -> Self:
@@ -126,14 +116,6 @@ class Tracks:
             hidden=np.zeros(n, dtype=bool),
         )
 
-    def select(self, rows: IntArray) -> Tracks:
-        return Tracks(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
-
-    @staticmethod
-    def concatenated(parts: Sequence[Tracks]) -> Tracks:
-        names = [f.name for f in fields(Tracks)]
-        return Tracks(**{n: np.concatenate([getattr(part, n) for part in parts]) for n in names})
-
     @property
     def types(self) -> IntArray:
         """(n,) index into TYPES of the type with most votes."""
@@ -160,8 +142,3 @@ def shared(boxes: FloatArray) -> tuple[IntArray, FloatArray]:
     first, second = boxes[pairs[:, 0]], boxes[pairs[:, 1]]
     area = np.minimum(first[:, 3] * first[:, 4], second[:, 3] * second[:, 4])
     return pairs, np.asarray(pair_bev_overlap(first, second) / np.maximum(area, 1e-6))
-
-
-def wrapped(angle: FloatArray) -> FloatArray:
-    """Returns angles in [-pi, pi)."""
-    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

@@ -5,8 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.core.errors import FormatError
-from pyinfra.core.files import replacing
-from pyinfra.formats.csv_table import read_csv
+from pyinfra.formats.csv_table import read_csv, write_csv
 
 TRACK_COLUMNS = [
     "frame", "t_s", "id", "type", "x", "y", "z", "dx", "dy", "dz", "heading",
@@ -18,9 +17,7 @@ TRACK_COLUMNS = [
 
 def write_tracks(file: Path, tracks: pd.DataFrame) -> None:
     """Writes a table of `track`."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(file) as beside:
-        tracks.to_csv(beside, index=False, float_format="%.6g")
+    write_csv(file, tracks, "%.6g")
 
 
 def read_tracks(file: Path) -> pd.DataFrame:
@@ -42,5 +39,4 @@ def read_tracks(file: Path) -> pd.DataFrame:
         row = int(table.duplicated(["frame", "id"]).idxmax())
         got = f"track {table['id'][row]:g} twice in frame {table['frame'][row]:g}"
         raise FormatError(f"{file}:{row + 2}: expected each track once in a frame, got {got}")
-    kinds = dict.fromkeys(numbers, "float64") | dict.fromkeys(whole, "int64")
-    return table.astype(kinds)
+    return table.astype(dict.fromkeys(numbers, "float64") | dict.fromkeys(whole, "int64"))

@@ -4,8 +4,6 @@ Tracker.step does these five steps for the boxes of one frame, for all tracks at
 Kalman filter is in motion.py, and the arrays that describe the tracks are in state.py.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,11 +11,12 @@ from scipy.optimize import linear_sum_assignment
 from scipy.special import logit
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
-from pyinfra.core.boxes import bev_overlap
+from pyinfra.core.boxes import bev_overlap, wrapped
 from pyinfra.core.errors import Error
+from pyinfra.core.rows import concatenated
 from pyinfra.tracking import motion
 from pyinfra.tracking.occlusion import View
-from pyinfra.tracking.state import SAME, Boxes, Tracks, shared, wrapped
+from pyinfra.tracking.state import SAME, Boxes, Tracks, shared
 
 # Gate of a squared Mahalanobis distance: 99.9 % of the chi-squared distribution with two degrees.
 GATE = 13.8
@@ -77,7 +76,7 @@ class Tracker:
 
     def __init__(self, settings: TrackSettings | None = None, view: View | None = None) -> None:
         self.settings = settings or TrackSettings()
-        self.view = view or View.unknown()
+        self.view = view or View()
         self.tracks = Tracks.none()
         self.time_s: float | None = None
         self.next_id = 1
@@ -141,8 +140,7 @@ class Tracker:
             t.covariance[:, None, i, j] + noise[None, :, i, j] for i, j in ((0, 0), (0, 1), (1, 1))
         )
         size = xx * yy - xy**2
-        distance = (yy * x**2 - 2 * xy * x * y + xx * y**2) / size
-        return distance, np.log(size)
+        return (yy * x**2 - 2 * xy * x * y + xx * y**2) / size, np.log(size)
 
     def _update(self, time_s: float, boxes: Boxes, track: IntArray, box: IntArray) -> None:
         """Corrects the tracks by their boxes. The other tracks miss a frame."""
@@ -206,7 +204,7 @@ class Tracker:
         new.odds[:] = evidence(boxes.scores)
         new.confirmed[:] = new.odds >= self.settings.confirmed
         self.next_id += count
-        self.tracks = Tracks.concatenated([self.tracks, new])
+        self.tracks = concatenated([self.tracks, new])
 
     def _death(self, time_s: float) -> None:
         """Ends tracks that were missed for too long, doubtful ones, and second tracks of one

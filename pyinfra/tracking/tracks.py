@@ -11,6 +11,7 @@ from pyinfra.core.arrays import FloatArray, IntArray
 from pyinfra.core.errors import Error
 from pyinfra.core.names import suggestion
 from pyinfra.core.public import public
+from pyinfra.core.rows import concatenated
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.formats import kitti
@@ -87,7 +88,7 @@ def track(
 def view_of(frames: FrameSequence | None) -> View:
     """Returns the view of the frames' sensors; without frames, that of a sensor at the origin."""
     if frames is None or frames.lidar is None:
-        return View.unknown()
+        return View()
     if isinstance(frames, SimulatedFrames):
         return View.of(frames.lidar, frames.tilt, frames.region)
     assert isinstance(frames, RecordedFrames)
@@ -184,22 +185,15 @@ def _table(parts: Sequence[tuple[int, float, Tracks]], *, smooth: bool) -> pd.Da
     sizes = [len(tracks) for _, _, tracks in parts]
     frame = np.repeat([number for number, _, _ in parts], sizes)
     time_s = np.repeat([time for _, time, _ in parts], sizes)
-    all_rows = Tracks.concatenated([tracks for _, _, tracks in parts])
-    real = np.isin(all_rows.ids, all_rows.ids[all_rows.confirmed]) & (
-        time_s <= _last_seen(all_rows)
-    )
+    all_rows = concatenated([tracks for _, _, tracks in parts])
+    last_s = pd.Series(all_rows.last_s).groupby(all_rows.ids).transform("max").to_numpy()
+    real = np.isin(all_rows.ids, all_rows.ids[all_rows.confirmed]) & (time_s <= last_s)
     order = np.flatnonzero(real)
     order = order[np.lexsort((frame[order], all_rows.ids[order]))]
     rows, frame, time_s = all_rows.select(order), frame[order], time_s[order]
     if smooth:
         _smooth(rows, time_s)
-    table = table_of(rows, frame, time_s)
-    return table.sort_values(["frame", "id"], ignore_index=True)
-
-
-def _last_seen(rows: Tracks) -> FloatArray:
-    last = pd.Series(rows.last_s).groupby(rows.ids).transform("max")
-    return np.asarray(last, dtype=np.float64)
+    return table_of(rows, frame, time_s).sort_values(["frame", "id"], ignore_index=True)
 
 
 def _smooth(rows: Tracks, time_s: FloatArray) -> None:

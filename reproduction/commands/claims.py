@@ -9,6 +9,7 @@ from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.experiments import store
 from pyinfra.experiments.result_tables import read_results
+from pyinfra.formats.csv_table import write_csv
 from reproduction.arguments import Out, command
 from reproduction.claims import detection, scanning
 from reproduction.claims.agreement import paper_table
@@ -75,5 +76,5 @@ def of_results(folder: Path, tier: str | None) -> pd.DataFrame:
     }
     for name, rows in outputs.items():
         if len(rows):
-            store.write(folder / f"{chosen}_{name}.csv", rows)
+            write_csv(folder / f"{chosen}_{name}.csv", rows)
     return outputs["claims"]

@@ -12,13 +12,13 @@ from evaluation_data import LIDAR
 from pyinfra.cli import main
 from pyinfra.core.errors import ConfigError
 from pyinfra.dataset.catalogue import configs
-from pyinfra.experiments import store
 from pyinfra.experiments.benchmark import frames, inputs
 from pyinfra.experiments.benchmark.matrix import read_plan
 from pyinfra.experiments.benchmark.provenance import claim_run, recipe_digest
 from pyinfra.experiments.benchmark.runner import check_costs
 from pyinfra.experiments.benchmark.workspace import Workspace
 from pyinfra.experiments.value import Costs
+from pyinfra.formats.csv_table import write_csv
 from pyinfra.models.training.recipe import read_recipe
 
 MATRIX = """
@@ -111,7 +111,7 @@ def test_costs_with_more_digits_than_a_table_are_the_same(config: Path) -> None:
     costs = Costs(power_w=63, usd_per_kwh=0.317, years=7)  # 1225.460502 USD
     plan = dataclasses.replace(read_plan(config, "smoke"), costs=costs)
     workspace = Workspace(config.parent, config.parent, "smoke")
-    store.write(workspace.table("value"), pd.DataFrame({"site_usd": [costs.site_usd]}))
+    write_csv(workspace.table("value"), pd.DataFrame({"site_usd": [costs.site_usd]}))
     check_costs(workspace, plan)
 
 

@@ -23,8 +23,8 @@ from pyinfra.dataset.frame_sequence import FrameSequence
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.exchange.formats import FORMATS
 from pyinfra.exchange.series import read_frames, read_series
-from pyinfra.experiments import store
 from pyinfra.formats import kitti
+from pyinfra.formats.csv_table import write_csv
 from pyinfra.metrics.frame_checks import validate
 from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.metrics.intervals import UNKNOWN_BLOCK_S
@@ -380,7 +380,7 @@ def test_whole_numbers_of_tables_are_exact(tmp_path: Path) -> None:
     rows = pd.DataFrame(
         {"a": [1234567.0, np.nan, 123456789.0, 0.123456789], "b": [12345678, 1, 2, 3]}
     )
-    store.write(tmp_path / "t.csv", rows)
+    write_csv(tmp_path / "t.csv", rows)
     back = pd.read_csv(tmp_path / "t.csv")
     assert back.a.tolist()[::2] == [1234567, 123456789]
     assert back.a[3] == pytest.approx(0.123457)

@@ -14,6 +14,7 @@ from pyinfra.cli import statistics
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset.data_set import Tilt, field_of_view_mask, read_data_set
 from pyinfra.formats import kitti
+from pyinfra.formats.csv_table import write_tables
 from pyinfra.metrics import scan_patterns, scanning_statistics
 from pyinfra.metrics import scanning_tables as statistics_tables
 from pyinfra.metrics.intervals import Blocks, block_seconds, interval, ratio, time_blocks
@@ -450,7 +451,7 @@ def test_frames_without_vehicles_give_tables_without_numbers(tmp_path: Path) -> 
     assert tables["points_per_vehicle"].vehicles.sum() == 0
     assert tables["points_per_vehicle"].apv.isna().all()
     drawn = {name: tables[name] for name in ("points_per_vehicle", "quality")}
-    assert len(scanning_statistics.write(drawn, tmp_path / "out")) == 2
+    assert len(write_tables(tmp_path / "out", drawn)) == 2
 
 
 def test_a_recording_has_no_speeds_and_its_pedestrians_are_no_vehicles(tmp_path: Path) -> None:

@@ -25,10 +25,7 @@ def dry_run_lines(plan: Plan, workspace: Workspace, jobs: int) -> str:
     inputs.check_names(plan)
     inputs.digests(plan)
     table = workspace.finished()
-    known = store.has_each(table, [vars(experiment) for experiment in plan.experiments])
-    left = [
-        experiment for experiment, there in zip(plan.experiments, known, strict=True) if not there
-    ]
+    left = store.with_row(plan.experiments, table, present=False)
     old = stale(plan, table)
     seconds = expected_seconds(left, table)
     lines = [f"{experiment.title}: {s:.0f} s" for experiment, s in zip(left, seconds, strict=True)]

@@ -143,8 +143,8 @@ def simulate(shard: Shard) -> None:
 def split_by_time(folder: Path, parts: Parts) -> None:
     """Splits a data set by time. Raises FileExistsError if the data set has a different split."""
     data = read_data_set(folder)
-    time_split = split.by_time(data.frames, data.period_s, parts.train_until_s, parts.val_from_s)
-    split.write(data, time_split)
+    ends = (parts.train_until_s, parts.val_from_s)
+    split.write(data, split.by_time(data.frames, data.period_s, *ends))
 
 
 def described(folder: Path, experiments: Sequence[Experiment]) -> dict[str, pd.DataFrame]:
@@ -211,5 +211,4 @@ def mount_names(folder: Path) -> list[str]:
 
     The result is empty if the frames are not fused.
     """
-    names: list[str] = kitti.read_keys(folder / "lidar.yaml").get("mounts", [])
-    return names
+    return list(kitti.read_keys(folder / "lidar.yaml").get("mounts", []))

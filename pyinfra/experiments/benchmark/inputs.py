@@ -11,7 +11,7 @@ import pandas as pd
 import yaml
 
 from pyinfra.core.errors import ConfigError
-from pyinfra.core.files import replacing
+from pyinfra.core.files import write
 from pyinfra.dataset.frames import lidars_in
 from pyinfra.dataset.lidars import sum_source
 from pyinfra.dataset.runs import infrasim
@@ -65,8 +65,8 @@ def traffic_seed(plan: Plan, scene: str) -> int | None:
     """Returns the traffic seed of a plan's scene; None for the seed in the scene's file."""
     if not plan.traffic_offset:
         return None
-    seed: int = yaml.safe_load(resolved(plan.files["scenes", scene]))["seed"]
-    return seed + plan.traffic_offset
+    scene_keys = yaml.safe_load(resolved(plan.files["scenes", scene]))
+    return int(scene_keys["seed"]) + plan.traffic_offset
 
 
 def check_names(plan: Plan) -> None:
@@ -203,5 +203,4 @@ def renew_price(lidar: Path, preset: str, file: Path) -> None:
     old = file.read_text(encoding="utf-8")
     text = TOTAL.sub(total, PRICE.sub(lambda _: price_match.group() if price_match else "", old))
     if text != old:
-        with replacing(file) as beside:
-            beside.write_text(text, encoding="utf-8")
+        write(file, text)

@@ -39,10 +39,7 @@ def time_untimed(
     with held(workspace.work / LOCK, wait=True):
         table = workspace.finished()
         untimed = table[table.latency_p50_ms.isna()] if len(table) else table
-        known = store.has_each(untimed, [vars(experiment) for experiment in plan.experiments])
-        left = [
-            experiment for experiment, there in zip(plan.experiments, known, strict=True) if there
-        ]
+        left = store.with_row(plan.experiments, untimed)
         digests = inputs.digests(plan)
         for experiment in with_run(left, workspace):
             try:
@@ -100,12 +97,7 @@ def time_again(
     Raises FileNotFoundError if no trained detector is there.
     """
     check_experiments(workspace.table("experiments"), plan, progress)
-    known = store.has_each(
-        workspace.finished(), [vars(experiment) for experiment in plan.experiments]
-    )
-    finished = [
-        experiment for experiment, there in zip(plan.experiments, known, strict=True) if there
-    ]
+    finished = store.with_row(plan.experiments, workspace.finished())
     here = with_run(finished, workspace)
     if not here:
         runs = workspace.work / "runs"

@@ -1,7 +1,5 @@
 """Reads `configs/benchmarks/*.yaml`, the experiments of a benchmark."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import re
@@ -16,7 +14,7 @@ from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.names import suggestion
 from pyinfra.core.vocabulary import Preset, Tier
 from pyinfra.dataset import split
-from pyinfra.dataset.catalogue import configs
+from pyinfra.dataset.catalogue import configs, shipped
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.experiments.value import Costs
 from pyinfra.scenes.maps.site_folder import MAP, SCENE
@@ -44,16 +42,15 @@ def config_file(kind: str, benchmark: Path, word: str) -> Path:
     A word that ends in .yaml is a path relative to the benchmark's file. Raises Error, which
     suggests similar names.
     """
-    folder = configs() / kind
-    path = benchmark.parent / word if word.endswith(".yaml") else folder / f"{word}.yaml"
+    is_path = word.endswith(".yaml")
+    path = benchmark.parent / word if is_path else configs() / kind / f"{word}.yaml"
     if not NAME.fullmatch(name_of(path)):
         raise Error(
             "expected a name of up to 100 letters that begins with a letter, a digit or _, got "
             f"'{word}'"
         )
     if not path.is_file():
-        known = [p.stem for p in folder.glob("*.yaml")]
-        near = suggestion(word, known)
+        near = suggestion(word, shipped(kind))
         raise Error(f"expected a .yaml file or one of the package's {kind}, got '{word}'{near}")
     return path
 

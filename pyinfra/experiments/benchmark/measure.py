@@ -90,8 +90,7 @@ def check_counted(evaluation: Evaluation) -> None:
 def trained(experiment: Experiment, recipe: Recipe, folder: Path, run: Path, device: str) -> float:
     """Trains a detector and returns the CPU seconds of all its steps, including earlier runs."""
     before = time.process_time()
-    tier = experiment.tier
-    source = read_source(folder, tier, classes=recipe.classes)
+    source = read_source(folder, experiment.tier, classes=recipe.classes)
     train(recipe, [source], run, seed=experiment.seed, device=device, quiet=True)
     log = run / "log.csv"
     if log.exists():

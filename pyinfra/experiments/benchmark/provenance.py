@@ -13,7 +13,7 @@ import pandas as pd
 
 from pyinfra.core.config import canonical
 from pyinfra.core.errors import ConfigError
-from pyinfra.core.files import replacing
+from pyinfra.core.files import write
 from pyinfra.core.vocabulary import Subset
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark.inputs import FRAMES_OF, digests
@@ -117,5 +117,4 @@ def claim_run(run: Path, inputs: Mapping[str, str]) -> None:
             "recipe or different frames; remove the folder or choose a different `work`"
         )
     run.mkdir(parents=True, exist_ok=True)
-    with replacing(file) as beside:
-        beside.write_text(text, encoding="utf-8")
+    write(file, text)

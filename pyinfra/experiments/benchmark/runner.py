@@ -189,13 +189,8 @@ def row_line(experiment: Experiment, row: pd.Series) -> str:
 def conclude(workspace: Workspace, plan: Plan) -> None:
     """Updates the table of prices, which covers all finished experiments."""
     with held(workspace.results / "locks/conclude", wait=True):
-        _conclude(workspace, plan)
-
-
-def _conclude(workspace: Workspace, plan: Plan) -> None:
-    tables = {name: store.read(workspace.table(name)) for name in READ}
-    if not all(len(table) for table in tables.values()):
-        return
-    tables["lidars"] = inputs.with_prices(plan, tables["lidars"])
-    workspace.put({"lidars": tables["lidars"]})
-    workspace.put({"value": value_table(tables, plan.costs)})
+        tables = {name: store.read(workspace.table(name)) for name in READ}
+        if all(len(table) for table in tables.values()):
+            tables["lidars"] = inputs.with_prices(plan, tables["lidars"])
+            workspace.put({"lidars": tables["lidars"]})
+            workspace.put({"value": value_table(tables, plan.costs)})

@@ -89,11 +89,9 @@ def _replicate(
         workspace = replace(workspace, work=workspace.work / name, results=workspace.results / name)
     benchmark(plan, workspace, where, device=device, progress=progress)
     rows = workspace.finished()
-    done = store.has_each(rows, [vars(experiment) for experiment in plan.experiments])
-    if not all(done):
-        failed = plan.experiments[done.index(False)]
+    if failed := store.with_row(plan.experiments, rows, present=False):
         file = workspace.table("experiments")
-        raise Error(f"{file}: expected a row of each experiment, got no row of {failed.title}")
+        raise Error(f"{file}: expected a row of each experiment, got no row of {failed[0].title}")
     wanted = pd.DataFrame([vars(experiment) for experiment in plan.experiments])
     return rows[store.among(rows, wanted, list(wanted))]
 

@@ -63,7 +63,4 @@ class Workspace:
 
     def without_row(self, experiments: Sequence[Experiment]) -> list[Experiment]:
         table = store.read(self.table("experiments"))
-        known = store.has_each(table, [vars(experiment) for experiment in experiments])
-        return [
-            experiment for experiment, there in zip(experiments, known, strict=True) if not there
-        ]
+        return store.with_row(experiments, table, present=False)

@@ -13,11 +13,11 @@ import yaml
 
 from pyinfra.core.arrays import BoolArray
 from pyinfra.core.errors import Error, FormatError
-from pyinfra.core.names import StrPath, file_or_name
+from pyinfra.core.names import StrPath, file_or_name, repeated
 from pyinfra.dataset import simulation
-from pyinfra.dataset.catalogue import configs
+from pyinfra.dataset.catalogue import configs, shipped
 from pyinfra.dataset.frames import PERIOD_S
-from pyinfra.dataset.lidars import UNCONFIRMED, catalogue_files, presets_of, price_source
+from pyinfra.dataset.lidars import UNCONFIRMED, presets_of, price_source
 from pyinfra.experiments.planner.detectability import Detectability
 from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.experiments.stress.lidar import spins
@@ -76,9 +76,8 @@ def open_lidars(names: Sequence[StrPath], site: PlanSite) -> list[PlanLidar]:
     """Opens LiDARs by name or file; without names, all of the catalogue that have the preset."""
     world = simulation.load_scene(site.file, preset=site.preset, mount=site.mount)
     lidars = [_open(file, site.preset, world) for file in _files(names, site.preset)]
-    every = [lidar.name for lidar in lidars]
-    if twice := [name for name in every if every.count(name) > 1]:
-        raise Error(f"lidars: expected each LiDAR once, got {twice[0]} twice")
+    if twice := repeated([lidar.name for lidar in lidars]):
+        raise Error(f"lidars: expected each LiDAR once, got {twice} twice")
     return lidars
 
 
@@ -95,7 +94,7 @@ def common_period_s(names: Sequence[StrPath], preset: str) -> float:
 
 
 def _files(names: Sequence[StrPath], preset: str) -> list[Path]:
-    files = {file.stem: file for file in catalogue_files()}
+    files = shipped("lidars")
     if not names:
         names = [name for name, file in files.items() if preset in presets_of(file)]
     return [file_or_name(name, files, "lidars") for name in names]

@@ -16,7 +16,7 @@ from pyinfra.core.errors import Error
 from pyinfra.core.names import StrPath, file_or_name
 from pyinfra.core.vocabulary import OBJECT_NAMES
 from pyinfra.dataset import simulation
-from pyinfra.dataset.catalogue import configs
+from pyinfra.dataset.catalogue import shipped
 from pyinfra.dataset.frame_sequence import roads_of_world
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.roads import Road
@@ -177,8 +177,7 @@ def scene_path(scene: StrPath) -> Path:
             f"scene: expected a scene file or the folder of a site, got the map '{scene}'; "
             "`pyinfra site import` makes a site of it"
         )
-    shipped = (configs() / "scenes").glob("*.yaml")
-    return file_or_name(scene, {file.stem: file for file in shipped}, "scene")
+    return file_or_name(scene, shipped("scenes"), "scene")
 
 
 def first_mount(file: Path, preset: str) -> str:

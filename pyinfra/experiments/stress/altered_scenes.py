@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 
 from pyinfra.core.errors import Error
-from pyinfra.core.files import held, replacing, resolved
+from pyinfra.core.files import held, resolved, write
 from pyinfra.dataset import simulation, split
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.frames import frame_numbers, lidar_folder, period_of
@@ -59,7 +59,15 @@ class Base:
     @cached_property
     def identity(self) -> str:
         """A text that identifies the frames: scene and LiDAR, with the key names of version 0.3."""
-        return _identity(self)
+        lidar_yaml = self.folder / lidar.FILE
+        try:
+            keys = yaml.safe_load(
+                infrasim("check", self.folder.parent / "dataset.yaml", "--canonical")
+            )
+            text = infrasim("check", lidar_yaml, "--canonical")
+        except SimulatorError:  # a recording, or a simulation whose files were changed
+            return f"{self.scene}\n{lidar_yaml.read_text('utf-8')}"
+        return f"{_scene(keys, self.folder)}\n{text}\nframes_version: {keys['frames_version']}"
 
     @property
     def is_fused(self) -> bool:
@@ -123,16 +131,6 @@ def _tell_from_first(mounts: dict[str, dict[str, Any]]) -> None:
         late_s = mount.pop("clock_offset_s", 0) - first_s
         if late_s:
             mount["clock_offset_s"] = late_s
-
-
-def _identity(base: Base) -> str:
-    description, lidar_yaml = base.folder.parent / "dataset.yaml", base.folder / lidar.FILE
-    try:
-        keys = yaml.safe_load(infrasim("check", description, "--canonical"))
-        text = infrasim("check", lidar_yaml, "--canonical")
-    except SimulatorError:  # a recording, or a simulation whose files were changed
-        return f"{base.scene}\n{lidar_yaml.read_text('utf-8')}"
-    return f"{_scene(keys, base.folder)}\n{text}\nframes_version: {keys['frames_version']}"
 
 
 def density(base: Base, times: float | str) -> AlteredScene:
@@ -200,8 +198,7 @@ def phase(_: Base, sample: float | str) -> AlteredScene:
 
 def angles_deg(seed: int) -> tuple[float, ...]:
     """Returns PHASES random angles in degrees, seeded with `seed`."""
-    angles = np.random.default_rng([seed, PHASES]).uniform(0, 360, PHASES)
-    return tuple(angles.round(3).tolist())
+    return tuple(np.random.default_rng([seed, PHASES]).uniform(0, 360, PHASES).round(3).tolist())
 
 
 def other_lidar(_: Base, name: float | str) -> AlteredScene:
@@ -257,8 +254,7 @@ def simulated(base: Base, altered: AlteredScene, cache: Path, name: str) -> Path
     texts = _texts(base, altered)
     out = cache / f"{name}_{_digest(base, altered, texts)}"
     with held(cache / f"{out.name}.lock", wait=True):
-        fused = out / "fused" if base.is_fused else out
-        folder = fused / (altered.lidar or base.lidar.name)
+        folder = out / ("fused" if base.is_fused else "") / (altered.lidar or base.lidar.name)
         if all(kitti.frame_file(folder, "velodyne", k).is_file() for k in base.frames):
             return folder
         scene, lidar_yaml = _written(texts, altered, cache / f"{out.name}_inputs")
@@ -277,18 +273,16 @@ def _texts(base: Base, altered: AlteredScene) -> dict[str, str]:
     text = yaml.safe_dump(base.scene, sort_keys=False)
     if altered.scene:
         text = scene_file(altered.scene).read_text("utf-8")
-    lidar_texts = (
-        {} if altered.lidar else {lidar.FILE: lidar.text(base.lidar_file, altered.turns_deg)}
-    )
-    return {SCENE: text} | lidar_texts
+    if altered.lidar:
+        return {SCENE: text}
+    return {SCENE: text, lidar.FILE: lidar.text(base.lidar_file, altered.turns_deg)}
 
 
 def _written(texts: dict[str, str], altered: AlteredScene, folder: Path) -> tuple[Path, Path]:
     """Writes the texts to a folder; returns the files of the scene and of the LiDAR."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
-        with replacing(folder / name) as beside:
-            beside.write_text(text, "utf-8")
+        write(folder / name, text)
     return folder / SCENE, lidar_file(altered.lidar) if altered.lidar else folder / lidar.FILE
 
 

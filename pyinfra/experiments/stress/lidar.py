@@ -11,16 +11,12 @@ from pyinfra.core.files import resolved
 from pyinfra.formats.kitti import read_written_keys
 
 Keys = dict[str, Any]
+read = read_written_keys  # all keys of a `lidar.yaml`, with its preset applied
 
 DESCRIPTIVE_KEYS = ("name", "model")
 UNIT = ("yaw_deg", "pitch_deg", "pattern", "returns")
 NOT_TURNED = {"yaw_deg": 0, "pitch_deg": 0}
 FILE = "lidar.yaml"
-
-
-def read(file: Path) -> Keys:
-    """Reads all keys of a `lidar.yaml` with its preset applied. Raises FormatError."""
-    return read_written_keys(file)
 
 
 def units_of(config: Keys) -> list[Keys]:
@@ -94,5 +90,4 @@ def _with_whole_path(unit: Keys, folder: Path) -> Keys:
     table = unit["pattern"].get("table")
     if table is None:
         return unit
-    file = resolved(folder / table["file"])
-    return unit | {"pattern": {"table": table | {"file": str(file)}}}
+    return unit | {"pattern": {"table": table | {"file": str(resolved(folder / table["file"]))}}}

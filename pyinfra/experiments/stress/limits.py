@@ -29,18 +29,20 @@ def scene(base: Base) -> str:
         return f"{folder / 'dataset.yaml'}: {ONLY_CLOUDS}, because a recording has no roads"
     for key in ("static_layers", "lanes", "meshes"):
         if base.scene.get(key):
-            problem = f"{folder / 'dataset.yaml'}: {key}: {ONLY_CLOUDS}"
-            return f"{problem}, because a run does not copy the files of this key"
-    recorded = base.trajectories
-    if recorded is not None and not recorded.is_file():
-        return f"{recorded}: expected this file, to simulate the scene again, got no such file"
+            return (
+                f"{folder / 'dataset.yaml'}: {key}: {ONLY_CLOUDS}, because a run does not copy the "
+                "files of this key"
+            )
+    if (file := base.trajectories) is not None and not file.is_file():
+        return f"{file}: expected this file, to simulate the scene again, got no such file"
     from pyinfra.dataset.simulation import frames_version
 
     number = number_at(base.folder) or "none"
     if number != str(frames_version()):
-        problem = f"{folder / 'dataset.yaml'}: frames_version: {ONLY_CLOUDS}"
-        now = frames_version()
-        return f"{problem}, because changed scenes would have frames_version {now}, got {number}"
+        return (
+            f"{folder / 'dataset.yaml'}: frames_version: {ONLY_CLOUDS}, because changed scenes "
+            f"would have frames_version {frames_version()}, got {number}"
+        )
     return ""
 
 
@@ -60,20 +62,17 @@ def rays(base: Base) -> str:
 
 def cut_angle(base: Base) -> str:
     """Requires a spinning LiDAR, or a bundle with a spinning unit."""
-    file = base.lidar_file
-    return (
-        ""
-        if lidar.spins(lidar.read(file))
-        else f"{file}: pattern: expected a spinning unit for a cut angle, got none"
-    )
+    if lidar.spins(lidar.read(base.lidar_file)):
+        return ""
+    return f"{base.lidar_file}: pattern: expected a spinning unit for a cut angle, got none"
 
 
 def traffic(base: Base) -> str:
     """Requires simulated traffic, not recorded trajectories."""
-    if not base.scene.get("traffic"):
-        file = base.folder.parent / "dataset.yaml"
-        return f"{file}: traffic: expected simulated traffic, got recorded trajectories"
-    return ""
+    if base.scene.get("traffic"):
+        return ""
+    file = base.folder.parent / "dataset.yaml"
+    return f"{file}: traffic: expected simulated traffic, got recorded trajectories"
 
 
 def several_mounts(base: Base) -> str:
@@ -85,10 +84,10 @@ def several_mounts(base: Base) -> str:
 
 def one_mount(base: Base) -> str:
     """Requires frames of one mount."""
-    if base.is_fused:
-        fused = f"got fused frames of {', '.join(base.mounts)}"
-        return f"{base.folder.parent}: expected frames of one mount, {fused}"
-    return ""
+    if not base.is_fused:
+        return ""
+    fused = ", ".join(base.mounts)
+    return f"{base.folder.parent}: expected frames of one mount, got fused frames of {fused}"
 
 
 def known_preset(base: Base) -> str:

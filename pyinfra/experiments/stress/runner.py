@@ -12,7 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.core.errors import Error
-from pyinfra.core.names import path_of, suggestion
+from pyinfra.core.names import path_of
 from pyinfra.core.progress import show_line
 from pyinfra.core.public import CALLER, public
 from pyinfra.experiments.stress import altered_scenes, summary, trials
@@ -134,10 +134,6 @@ def prepare(
     """Returns the trials to run, without simulating frames. Raises Error, OSError."""
     if frames < 1:
         raise Error(f"frames: expected 1 or more, got {frames}")
-    for name in stressors:
-        if name not in STRESSORS:
-            near = suggestion(name, STRESSORS)
-            raise Error(f"stressors: expected names of stressors, got '{name}'{near}")
     with_severities = chosen(list(stressors), None if severities is None else list(severities))
     base = altered_scenes.read_base(data, frames)
     runs = [trials.read_run(folder, base) for folder in models]

@@ -8,6 +8,7 @@ import numpy as np
 
 from pyinfra.core.arrays import Points
 from pyinfra.core.errors import Error
+from pyinfra.core.names import check_name
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import LIDARS, SCENES
 from pyinfra.experiments.stress import altered_scenes, clouds, limits
@@ -204,9 +205,8 @@ def chosen(names: list[str], words: list[str] | None) -> dict[Stressor, tuple[Se
 
     words: severities, if there is only one stressor; by default those defined for it. Raises Error.
     """
-    unknown = [name for name in names if name not in STRESSORS]
-    if unknown:
-        raise Error(f"stressors: expected names of {', '.join(STRESSORS)}; got '{unknown[0]}'")
+    for name in names:
+        check_name(name, STRESSORS, "stressors", "names of stressors")
     selected = [STRESSORS[name] for name in dict.fromkeys(names)]
     if words is None:
         return {stressor: stressor.severities[1:] for stressor in selected}

@@ -1,7 +1,7 @@
 """Summary of a stress test: where AP falls, which error causes it, and a ranking of detectors."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
@@ -170,7 +170,7 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
             index=["detector", "run"], columns="stressor", values=["gentleness", "severities"]
         )
         is_common = by_run["severities"].notna().all() & (by_run["severities"].nunique() == 1)
-        common = by_run["gentleness"].loc[:, _names(is_common)].astype(float)
+        common = by_run["gentleness"].loc[:, is_common].astype(float)
         if common.shape[1] == 0:
             continue
         mean = common.mean(axis=1).sort_values(ascending=False)
@@ -179,7 +179,3 @@ def ranking(table: pd.DataFrame) -> pd.DataFrame:
             names = dict(zip(GROUP, key, strict=True))
             ranks.append({**names, **row, "stressors": common.shape[1]})
     return pd.DataFrame(ranks, columns=RANKING)
-
-
-def _names(chosen: pd.Series) -> Sequence[str]:
-    return [str(name) for name, yes in chosen.items() if yes]

@@ -4,7 +4,7 @@ import hashlib
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import pandas as pd
@@ -18,7 +18,7 @@ from pyinfra.experiments.stress import altered_scenes, score, summary
 from pyinfra.experiments.stress.altered_scenes import Base
 from pyinfra.experiments.stress.stressors import NONE, UNSTRESSED, Severity, Stressor
 from pyinfra.formats import kitti
-from pyinfra.formats.csv_table import WORDS, read_csv
+from pyinfra.formats.csv_table import WORDS, number_text, read_csv, write_tables
 from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.models.detectors import Detector
 from pyinfra.models.inference.detect import detect, detector_at, model_file
@@ -275,12 +275,9 @@ def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterat
 def write_summary(out: Path) -> list[Path]:
     """Writes summary and ranking of all finished trials. Returns the files of all tables."""
     table = read(out / "stress.csv")
-    made = {"summary": summary.summary(table), "ranking": summary.ranking(table)}
-    files = {name: out / f"stress_{name}.csv" for name in made}
+    made = {"stress_summary": summary.summary(table), "stress_ranking": summary.ranking(table)}
     with held(out / "locks" / "summary", wait=True):
-        for name, rows in made.items():
-            store.write(files[name], rows, digits=4)
-    return [out / "stress.csv", *files.values()]
+        return [out / "stress.csv", *write_tables(out, made, partial(number_text, digits=4))]
 
 
 def left_out(stressors: Iterable[Stressor], base: Base) -> dict[str, list[str]]:
