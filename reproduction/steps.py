@@ -24,7 +24,6 @@ REPLICATES = ("--only", ("1", "2", "3"))
 OTHERS = {
     "dataset.csv": "make dataset",
     "debian13.csv": "make debian13",
-    "deskew.csv": "a program of version 0.3",
     "detector_pilots.csv": "a program of version 798cdb0f",
     "follow.csv": "python -m reproduction follow, which takes an hour",
     "frame_numbers.csv": "python -m reproduction frame_numbers, with an earlier checkout",
@@ -101,6 +100,7 @@ TOYS = {
     "ops.csv": "benchmarks/ops.py --repetitions 1",
     "growth.csv": "benchmarks/growth.py --only vehicles",
     "scanning_claims.csv": "scanning --seeds 1 --frames 0:70:7",
+    "deskew.csv": "deskew --seeds 1 --frames 0:70:7",
     "claims.csv": "verdicts {experiments.csv}",
     "variance.csv": "variance {experiments.csv}",
 }
@@ -167,6 +167,7 @@ STEPS = (
             ),
         ),
     ),
+    Step(("deskew.csv",), (Command("deskew", 0.2, TRIAL, "deskew", out="deskew.csv"),)),
     Step(("coverage.csv",), (Command("coverage", 0.2, TRIAL, "coverage", out="coverage.csv"),)),
     Step(
         ("correlation.csv",),

@@ -30,13 +30,19 @@ FRAMES = "0:5000:7"
 REGION_HALF_LENGTH_M = 125  # the claims reach to 120 m
 
 
-def rows_of_seed(preset: Preset, seed: int, frames: str, work: Path) -> list[Row]:
+def rows_of_seed(
+    preset: Preset,
+    seed: int,
+    frames: str,
+    work: Path,
+    lidars: Sequence[str | Path] = (AVIA, *SPINNING),
+) -> list[Row]:
     """Simulates one seed and returns all tested claims; the frames are removed afterwards."""
     sets = []
     for aggregation in ("exact", "instant"):
         folder = work / f"{preset}_{seed}_{aggregation}"
         simulate(
-            "highway", (AVIA, *SPINNING), folder, preset=preset, seed=seed, frames=frames,
+            "highway", lidars, folder, preset=preset, seed=seed, frames=frames,
             aggregation=aggregation, set=[f"region_half_length_m={REGION_HALF_LENGTH_M}"],
         )  # fmt: skip
         sets.append(read_data_set(folder))
