@@ -301,6 +301,7 @@ def check_layers(bench: Bench) -> None:
         wait_for(bench.device)
     except Exception as error:
         print(f"Triton layers: {type(error).__name__}: {error}", flush=True)
+        same = 0.0  # a layer after the comparison may have failed
     bench.write("full", "Triton layers", "same_as_pytorch", same)
     if same < 0.99:
         triton_layers.enabled = False
