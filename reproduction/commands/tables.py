@@ -147,6 +147,7 @@ TEXTS: dict[str, Callable[[], str]] = {
     "value": sentences.value,
     "detectors": sentences.detectors,
     "points": sentences.points,
+    "motor": sentences.motor,
     "intervals": measure.intervals,
     "seeds": sentences.seeds,
     "fidelity": sentences_of_models.fidelity,

@@ -19,18 +19,24 @@ def places() -> str:
 
     hidden = table[table.measure == "hidden_percent"].groupby("place").value.mean()
     higher = [difference(lidar, "8m", "6m") for lidar in PRODUCTS]
-    tilted = [difference(lidar, "8m_down", "8m") for lidar in PRODUCTS]
+    tilted = [difference(lidar, "8m_down", "6m") for lidar in PRODUCTS]
     second = {name: difference(lidar, "two", "6m") for lidar, name in PRODUCTS.items()}
     known(all(d.high < 0 for d in higher), "a pole of 8 m has a lower AP than one of 6 m")
-    known(all(d.low <= 0 for d in tilted), "a tilt does not raise the AP significantly")
-    known(all(d.low > 0 for d in second.values()), "a second pole raises the AP")
-    gains = joined([f"{d.value:.0f} AP with {name}" for name, d in second.items()])
+    known(all(d.high < 0 for d in tilted), "a tilted LiDAR at 8 m has a lower AP than one at 6 m")
+    gains = {name: d for name, d in second.items() if d.low > 0}
+    adds = joined([f"{d.value:.0f} AP with {name}" for name, d in gains.items()])
+    known(bool(gains), "a second pole raises the AP with a LiDAR")
+    others = "".join(
+        f" With {name}, the gain of {d.value:.0f} AP is not significant."
+        for name, d in second.items()
+        if name not in gains
+    )
     return (
         f"Houses hide {hidden['back']:.0f} % of the vehicles from the pole before the crossing, "
         f"and {hidden['6m']:.0f} % from the pole at the corner. Only the AP of all vehicles, "
         "visible or not, shows this effect. At the corner, fewer vehicles are hidden from a height "
         "of 8 m than from 6 m, but the AP of all vehicles is lower at 8 m, also if the LiDAR is "
-        f"tilted down. A second pole of the same height adds {gains}."
+        f"tilted down. A second pole of the same height adds {adds}.{others}"
     )
 
 
