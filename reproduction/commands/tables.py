@@ -109,6 +109,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "reliability": placement.reliability,
     "what a place is worth": partial(placement.placement, "place"),
     "order of LiDARs over poses": partial(placement.placement, "order"),
+    "answers of plans": placement.answers,
     "plans": placement.plans,
     "plan coverage": placement.plan_coverage,
     "times of plans": placement.plan_times,

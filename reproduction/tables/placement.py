@@ -1,5 +1,7 @@
 """Makes tables about the prediction of `pyinfra plan` and about what a place is worth."""
 
+from typing import Any
+
 import pandas as pd
 
 from reproduction.tables.common import markdown, of_rows, results, with_interval_of_ap
@@ -132,6 +134,26 @@ def plans() -> str:
             "found of 100, simulated": "{recall_simulated:.0f}",
             "AP: predicted, simulated": "{ap_predicted:.0f}, {ap_simulated:.0f}",
             "price, USD": "{price_usd:,.0f} [{price_usd_low:,.0f}, {price_usd_high:,.0f}]",
+        },
+    )
+
+
+def answers() -> str:
+    """Returns the choice of the plan for each question, and what it finds when it is simulated."""
+
+    def found(row: dict[str, Any]) -> str:
+        text = "{recall_simulated:.0f} of 100 vehicles"
+        more = ", {people_recall_simulated:.0f} of 100 pedestrians" if row["people"] else ""
+        return f"{text}{more}".format_map(row)
+
+    return of_rows(
+        results("plans").query("option == 1"),
+        {
+            "question": "{question}",
+            "budget, USD": "{budget_usd:,.0f}",
+            "asked for": "{find_percent:.0f} of 100 vehicles",
+            "choice": "{lidars}, {heights_m} m",
+            "it finds": found,
         },
     )
 
