@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from browser import Browser, start_browser
+from hypothesis import settings
 
 from pyinfra.core.arrays import FloatArray
 
@@ -23,6 +24,10 @@ os.environ["OMP_NUM_THREADS"] = "1"
 
 # With Python's own threshold, looking for cycles takes a twentieth of the tests' time.
 gc.set_threshold(50_000)
+
+# Without a limit of the time of an example: other processes may delay it.
+settings.register_profile("tests", deadline=None)
+settings.load_profile("tests")
 
 ROOT = Path(__file__).resolve().parents[2]
 BINARY = Path(sys.executable).with_name("infrasim")

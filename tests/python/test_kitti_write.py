@@ -114,7 +114,6 @@ def test_the_simulators_files_are_written_back_as_they_are(
     assert not list(copy.rglob(".*"))
 
 
-@settings(deadline=None)
 @given(rows=st.lists(st.tuples(names, boxes), max_size=5), real=st.booleans(), data=st.data())
 def test_any_boxes_round_trip(
     tmp_path_factory: pytest.TempPathFactory,
