@@ -18,11 +18,10 @@ from pyinfra.dataset.outlines import in_outline  # noqa: E402
 from pyinfra.dataset.regions import Region, roads_region  # noqa: E402
 from pyinfra.dataset.roads import Road  # noqa: E402
 from pyinfra.formats.kitti import WorldPose  # noqa: E402
-from pyinfra.models.detectors import Detections  # noqa: E402
+from pyinfra.models.detectors import Detections, bev  # noqa: E402
 from pyinfra.models.detectors import network as network_module  # noqa: E402
 from pyinfra.models.detectors.anchors import AnchorConfig, Anchors, decode, encode, is_backwards  # noqa: E402
 from pyinfra.models.detectors.batch import make_batch  # noqa: E402
-from pyinfra.models.detectors.bev import Convolution  # noqa: E402
 from pyinfra.models.detectors.catalogue import DETECTORS  # noqa: E402
 from pyinfra.models.detectors.centre_head import AxisHead, CentreHead  # noqa: E402
 from pyinfra.models.detectors.detection_area import Area, Site, site_of  # noqa: E402
@@ -415,9 +414,12 @@ def test_the_site_is_as_wide_as_the_region_whatever_a_lidar_sees_of_it() -> None
 
 
 @pytest.mark.parametrize("stride", [1, 2])
-def test_gradients_of_a_convolution_are_those_of_torch(stride: int) -> None:
+def test_gradients_of_a_convolution_are_those_of_torch(
+    stride: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bev, "PLANES_ARE_FASTER", True)  # on every processor
     torch.manual_seed(1)
-    layer = Convolution(3, 5, stride).to(memory_format=torch.channels_last)
+    layer = bev.Convolution(3, 5, stride).to(memory_format=torch.channels_last)
     x = torch.randn(2, 3, 6, 8).to(memory_format=torch.channels_last).requires_grad_()
     plain = torch.nn.functional.conv2d(x, layer.weight, None, stride, padding=1)
     wanted = torch.autograd.grad(plain.square().sum(), (x, layer.weight))
