@@ -4,7 +4,7 @@ Scan patterns of all LiDARs
 
 Each panel shows the directions of a LiDAR's rays in one frame of 0.1 s, as seen from the sensor.
 Spinning LiDARs repeat the same lines in each frame. The pattern of most Livox LiDARs does not
-repeat, so the next frame fills other gaps.
+repeat, so the next frame has rays in other directions.
 """
 
 import matplotlib.pyplot as plt

@@ -2,9 +2,9 @@
 One car at five distances
 =========================
 
-The points of one frame on the same car, at five distances from the pole. The car is shown as the
-sensor sees it. The number of points is roughly proportional to 1 / distance^2. With the Ruby
-Plus it first rises with distance, because this LiDAR's channels are dense near the horizon.
+Each row shows the points of a LiDAR on the same car, at five distances from the pole. The car is
+shown as the sensor sees it. The number of points is roughly proportional to 1 / distance^2. With
+the Ruby Plus, the number first rises, because its channels are dense near the horizon.
 """
 
 import matplotlib.pyplot as plt

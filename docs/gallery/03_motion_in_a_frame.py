@@ -4,7 +4,7 @@ Motion inside a frame
 
 A frame takes 0.1 s. A car at 60 km/h moves 1.7 m in this time. The upper picture shows where the
 Avia's points lie when each ray is cast at its own firing time. The lower picture freezes the car
-at the middle of the frame, as many simulators do. The box is that of the car at mid-frame.
+at the middle of the frame, as many simulators do. The box shows the car at mid-frame.
 """
 
 import matplotlib.pyplot as plt

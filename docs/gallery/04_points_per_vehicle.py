@@ -2,8 +2,8 @@
 Points per vehicle
 ==================
 
-The median number of points on a vehicle, by its distance from the pole. The bands contain the
-middle half of the vehicles. All LiDARs see the same vehicles, on one motorway and with the
+The lines show the median number of points on a vehicle, by its distance from the pole. The bands
+contain the middle half of the vehicles. All LiDARs see the same vehicles on one motorway, with the
 vendors' settings.
 """
 

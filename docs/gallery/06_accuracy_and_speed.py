@@ -4,8 +4,8 @@ Accuracy against speed and training
 
 Each point is one detector with one LiDAR on the motorway, with the settings of the study. The left
 picture compares the AP with the time that the detector takes for a frame on one thread of a CPU,
-the right one with the CPU time of its training. Good options are at the top left. The dashed line
-is the length of a frame, 100 ms. A detector whose latency is below it keeps up with the LiDAR.
+and the right one with the CPU time of its training. Good options are at the top left. The dashed
+line is at 100 ms, the length of a frame. Detectors to its left need less time.
 """
 
 import matplotlib.pyplot as plt

@@ -2,7 +2,7 @@
 A frame in 3-D
 ==============
 
-One frame of a Ruby Plus at the crossroad, coloured by height, with the boxes of the labels.
+The picture shows a frame of a Ruby Plus at the crossroad, coloured by height, and the label boxes.
 `pyinfra view` writes such a frame as an HTML page that can be turned and zoomed.
 """
 

@@ -3,7 +3,7 @@ A stress curve
 ==============
 
 A stress test makes one condition worse step by step, and measures the AP at each severity. These
-curves are from the recorded tests of three detectors with an Avia on the motorway. A line is the
+curves are from the stored tests of three detectors with an Avia on the motorway. A line is the
 mean over three traffic seeds, and a band is their range. `pyinfra stress` makes such a table for
 your detector and data, and `pi.plot_stress` draws it.
 """

@@ -2,7 +2,7 @@
 A day and a night
 =================
 
-Sunlight raises the noise of a LiDAR's detector. By night, more far points come back. The lines
+Sunlight raises the noise of a LiDAR's detector, so a LiDAR has more far points by night. The lines
 show the share of vehicles with five points or more by day (100 klx) and by night (0 klx).
 """
 

@@ -2,9 +2,9 @@
 A recording with boxes
 ======================
 
-Clouds of another tool become boxes in two calls. Here the recording is a folder of PCD files,
-written from simulated frames. Their labels are drawn for comparison. The outline says where
-vehicles can be. Without it, the detector also reports boxes beside the road.
+Two calls detect the vehicles in clouds of another tool. Here the recording is a folder of PCD
+files, written from simulated frames with labels. The outline limits the boxes to the road. Without
+an outline, the detector also reports boxes beside the road.
 """
 
 import tempfile

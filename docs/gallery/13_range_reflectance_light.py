@@ -2,11 +2,12 @@
 Range against reflectance and light
 ===================================
 
-A LiDAR detects bright paint farther than dark paint. By day, most of the noise is sunlight that the
-target itself reflects, so the range grows with the fourth root of the reflectance. In the dark it
-grows with the square root. The curves are the range law of the preset `datasheet`, at normal
-incidence and in clear air. Circles are published ranges; for most LiDARs there is only one. The
-simulator fits the law to all published ranges, which changes the curves of the Avia by up to 1 %.
+A LiDAR detects bright paint at longer ranges than dark paint. By day, most of the noise is sunlight
+that the target itself reflects, so the range grows with the fourth root of the reflectance. In the
+dark it grows with the square root. The curves are the range law of the preset `datasheet`, at
+normal incidence and in clear air. Circles are published ranges; for most LiDARs there is only one.
+The simulator fits the law to all published ranges. This fit changes the curves of the Avia by up
+to 1 %.
 """
 
 import matplotlib.pyplot as plt
@@ -26,7 +27,7 @@ DAY_KLUX = 100  # sunlight at which the noise of a 10 % target equals that of th
 
 
 def range_m(returns, reflectance, klux):
-    """Returns the range at which half of the rays give a point; at most that of the device."""
+    """Returns the range at which half of the rays give a point; at most the device's limit."""
     noise = np.maximum(1, np.sqrt(reflectance / 0.1 * klux / DAY_KLUX))
     at_10_percent_m = returns["detection"]["range_at_10_percent_m"]
     range_m = at_10_percent_m * np.sqrt(reflectance / 0.1 / noise)

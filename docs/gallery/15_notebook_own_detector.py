@@ -7,7 +7,7 @@ detectors of the package, and a network is trained on the same frames.
 """
 
 # %%
-# The detector puts a box of a car on each cluster of points above the road.
+# The detector puts a box with the size of a car on each cluster of points above the road.
 import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
 
@@ -40,8 +40,8 @@ detections = pi.detect("clusters", frames)
 detections.head()
 
 # %%
-# A network learns from frames in memory. Five steps show how; a hundred are useful. It begins with
-# the weights of the pretrained detector.
+# A network learns from frames in memory. This example has five steps; use a hundred or more. The
+# training begins with the pretrained weights.
 losses = []
 model = pi.train(
     "generalist",
@@ -53,7 +53,7 @@ model = pi.train(
 print(f"losses of the steps: {', '.join(f'{loss:.1f}' for loss in losses)}")
 
 # %%
-# Both are evaluated with the same function. An AP of vehicles by distance is drawn for the first.
+# The same function evaluates the two detectors. The picture has the AP of vehicles by distance.
 result = pi.evaluate(frames, detections)
 trained = pi.evaluate(frames, pi.detect(model, frames))
 ax = pi.plot_ap_by_distance({"clusters": result, "trained": trained}, ground_truth="captured")

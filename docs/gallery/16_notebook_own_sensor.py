@@ -2,7 +2,7 @@
 Notebook: own sensor
 ====================
 
-A LiDAR is a dict of keys, or one of the package with other values. A function of your own can
+A LiDAR is a dict of keys, or a LiDAR of the package with other values. A function of your own can
 replace its model of returns, and several poles give fused frames.
 """
 
@@ -26,7 +26,7 @@ print(lidar.name, lidar.period_s)
 
 # %%
 # A model of returns gets the hits of all rays and a random generator, and returns the points. In
-# this one, fog takes more of the far hits.
+# this model, fog removes far hits more often than near hits.
 
 
 def fog(hits, rng):
