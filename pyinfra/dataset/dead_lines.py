@@ -12,7 +12,7 @@ from pyinfra.core.arrays import FloatArray, IntArray, Points, Records
 LEAST_LINES = 8  # recordings with fewer lines are not checked
 LEAST_POINTS = 20  # least median number of points of a line in a frame, beside a missing line
 WIDE = 1.6  # least angle between the neighbours of a missing line, in usual angles
-MOST_SHARE = 0.25  # with a larger share of missing lines, the numbers of lines mean something else
+MOST_SHARE = 0.25  # if a larger share is missing, the numbers are probably not those of lines
 
 
 def elevations_of(points: Points, records: Records) -> FloatArray:

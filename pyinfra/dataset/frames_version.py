@@ -12,7 +12,7 @@ FIRST = "3"  # frames_version of versions 0.3 and 0.4, and of files that do not 
 # Column of tables: frames_version of the frames that the detector was learnt from.
 LEARNT = "learnt_frames_version"
 NOT_MEASURED = "its accuracy on them was not measured"
-# Consequence where the accuracy on the frames is measured.
+# End of a warning in commands that measure the accuracy on the frames.
 MAY_BE_BETTER = "a detector that learnt from these frames may be more accurate"
 
 

@@ -41,7 +41,7 @@ TILT_DEG, LIFT_M = 0.8, 0.3
 TURN_SECTORS = 1
 FAR_QUANTILE = 0.85
 UNMOVED_SHARE = 0.8
-# Mean changes of range over the sectors that change least, as logarithms.
+# Limits of the mean absolute change of ln range, over the sectors that change least.
 TURNED, MOVED = 0.08, 0.35
 NEAR_M, NEAR_SHARE = 1.0, 0.05  # many returns next to the sensor are dirt on its window
 MOST_FRAMES = 1000  # largest number of frames that are read only for their health

@@ -14,7 +14,7 @@ from pyinfra.formats.yaml_file import read_keys
 
 # Keys of a scene on which its evaluation region depends.
 KEYS = ("name", "mounts", "roads", "region_half_length_m", "regions", "profile", "junctions")
-TRAFFIC = {  # any, because a scene must have traffic
+TRAFFIC = {  # arbitrary values, because a scene must have traffic
     "vehicles_per_km_lane": 1,
     "speed": {"mean_km_h": 50, "std_km_h": 1},
     "class_shares": {"Car": 1},

@@ -140,7 +140,7 @@ def make_world(scene: Mapping[str, object], *, preset: str = "datasheet", mount:
 
 
 def _world_of_text(text: str, name: str, preset: str, mount: str) -> World:
-    return World.of_text(text, name, preset, mount)  # itself it cannot be pickled
+    return World.of_text(text, name, preset, mount)  # World.of_text cannot be pickled
 
 
 def with_mount(world: World, mount: str) -> World:

@@ -92,7 +92,7 @@ def existing(rows: pd.DataFrame, starts: FloatArray, ends: FloatArray) -> Existi
     span = np.repeat(begin - np.cumsum(count) + count, count) + np.arange(len(which))
     order = np.lexsort((which, span))
     which, span = which[order], span[order]
-    # All rows on one axis of time: each object after the object before it.
+    # The times of all objects are put on one axis, one object after the other.
     apart = int(steps.max(initial=0)) + 2
     number = np.cumsum(np.diff(ids, prepend=-1) != 0) - 1
     axis = (number * apart + steps).astype(np.float64)

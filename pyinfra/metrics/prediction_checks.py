@@ -203,7 +203,7 @@ def _names(
     location = _first(predictions, files, unevaluated)
     text = f"{location}: types that are not evaluated: {listed}; expected {', '.join(types)}"
     if known[unevaluated].all():
-        # A detector can detect classes that are not evaluated. It may have detected those alone.
+        # A detector can detect classes that are not evaluated. It may have found only those.
         text = f"types that are not evaluated: {listed}; `classes` sets the evaluated classes"
         yield Finding("warning" if unevaluated.all() else "note", "other-classes", text)
     elif unevaluated.all():

@@ -61,7 +61,8 @@ def hota(truth: Sightings, tracks: Sightings) -> Hota:
     ids, row = np.unique(tracks.ids, return_inverse=True)
     rows = [(truth.at(f), tracks.at(f)) for f in np.union1d(truth.frame, tracks.frame)]
     alike = [(a, b, similarity(truth.xy[a], tracks.xy[b])) for a, b in rows]
-    # How alike two identities are over the recording, which decides between equal matches.
+    # Similarity of each true object and track, summed over the frames. It weights the matches of
+    # each frame.
     potential = np.zeros((len(true_ids), len(ids)))
     for a, b, values in alike:
         total = values.sum(0)[None] + values.sum(1)[:, None] - values

@@ -160,7 +160,7 @@ def _across(road: Road, s: float, sign: int, pose: object, group: str) -> Line:
     index = int(np.abs(road.s - s).argmin())
     heading = float(road.heading[index]) + (0 if sign > 0 else np.pi)
     left = np.array([-np.sin(heading), np.cos(heading)]) * (road.half_width[index] + 1)
-    # Seen from start to end, the left side is ahead: start is on the left of the heading.
+    # The start is left of `heading`, so `heading` points to the left side of the line.
     ends = to_levelled(np.array([road.xy[index] + left, road.xy[index] - left]), pose)  # type: ignore[arg-type]
     start, end = ((float(x), float(y)) for x, y in ends)
     ahead, back = compass(heading), compass(heading + np.pi)

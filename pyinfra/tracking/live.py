@@ -24,7 +24,7 @@ from pyinfra.tracking.tracker import Tracker
 from pyinfra.tracking.tracks import boxes_of, table_of
 
 POLL_S = 0.02
-WAITING = 2  # lines that may wait
+WAITING = 2  # maximum number of lines that were read but not yet processed
 CLOUDS = (".bin", ".pcd")
 _EPOCH_S = 1e8  # a larger number in a file's name is a time in seconds, a smaller one a frame
 _SHOWN = [

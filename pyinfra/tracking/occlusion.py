@@ -70,6 +70,6 @@ def hidden_behind(boxes: FloatArray, others: FloatArray, sensor: FloatArray) -> 
     turn = wrapped(azimuth[:, None] - middle)
     between = (turn >= off.min(axis=1, initial=0)) & (turn <= off.max(axis=1, initial=0))
     top = at[:, 2] + boxes[:, 5] / 2
-    ray = top[:, None] * nearer / np.maximum(distance, 1e-6)[:, None]  # height of the ray there
+    ray = top[:, None] * nearer / np.maximum(distance, 1e-6)[:, None]  # height at the blocker
     blocked = ray < blocker[:, 2] + others[:, 5] / 2
     return np.asarray((between & blocked & (nearer < distance[:, None] - 1)).any(axis=1))

@@ -69,7 +69,7 @@ def _crossings(
     within = (where >= 0) & (where <= line.length_m)
     step, share, sign, where = step[within], share[within], sign[within], where[within]
     net = pd.Series(sign).groupby(ids[step]).transform("sum").to_numpy()
-    counts = pd.Series(sign == np.sign(net))  # the passages that were not taken back
+    counts = pd.Series(sign == np.sign(net))  # passages in the net direction
     first = counts & (counts.groupby(ids[step]).cumsum() == 1)
     keep = first.to_numpy() & (net != 0)
     return (step[keep], share[keep], sign[keep], where[keep]) if keep.any() else None

@@ -72,7 +72,7 @@ class Tracks(Rows):
     z: FloatArray  # (n,) of the centre
     size: FloatArray  # (n, 3) dx dy dz
     heading: FloatArray  # (n,)
-    ahead: FloatArray  # (n,) votes that the heading is not flipped
+    ahead: FloatArray  # (n,) votes for the heading minus votes for its opposite
     votes: FloatArray  # (n, len(TYPES)) sum of scores
     odds: FloatArray  # (n,) log odds that the track is an object
     confirmed: BoolArray  # (n,)

@@ -22,17 +22,19 @@ from pyinfra.tracking.state import SAME, Boxes, Tracks, shared
 GATE = 13.8
 NEVER = 1e6  # cost of a pair outside the gate
 SURE = 0.5  # boxes with this score or more are assigned before the others
-SHARED = 0.1  # a box that shares more of its area with a track's box begins no track
-CLOSE_S = 0.2  # no vehicle follows another at so short a time
-CLOSE_SHARE = 0.15  # share of the area by which boxes that are longer by CLOSE_S may overlap
+SHARED = 0.1  # a box begins no track if a track's box covers more than this share of its area
+CLOSE_S = 0.2  # vehicles never follow each other at a shorter time gap
+# Boxes are lengthened by the distance driven in CLOSE_S; this share of their area may overlap.
+CLOSE_SHARE = 0.15
 MOVES_M_S = 1.5  # from this speed on, a vehicle faces where it drives
 FAST_M_S = {"vehicle": 15.0, "person": 2.0}  # standard deviation of a new track's speed
 SIDEWAYS_M_S = {"vehicle": 1.5, "person": 2.0}
 NOISE_M_S2 = {"vehicle": 1.5, "person": 1.0}  # standard deviation of the acceleration
-TURN_PER_S = 0.25  # a vehicle's acceleration to the side, per speed
-OUTSIDE_S = 0.5  # as missed_s, outside the region in which vehicles are searched
-OTHER_KIND = 6.0  # cost of a pair of a vehicle and a person, as of a motorcycle taken for a cyclist
-MISSED = 0.5  # log odds that a frame without a box takes from a track in view
+TURN_PER_S = 0.25  # standard deviation of a vehicle's lateral acceleration, divided by its speed
+OUTSIDE_S = 0.5  # replaces missed_s and hidden_s outside the region where vehicles are searched
+# Additional cost of a vehicle paired with a person, such as a motorcycle detected as a cyclist.
+OTHER_KIND = 6.0
+MISSED = 0.5  # decrease of the log odds of a track in view in a frame without a box
 HEADING_SHARE = 0.2  # weight of a new box in the filtered heading
 SIZE_FRAMES = 30  # a size is a mean over about so many boxes
 
@@ -145,7 +147,7 @@ class Tracker:
     def _update(self, time_s: float, boxes: Boxes, track: IntArray, box: IntArray) -> None:
         """Corrects the tracks by their boxes. The other tracks miss a frame."""
         t, b = self.tracks, boxes.select(box)
-        # A box that is too short, or cut by the edge of the view, may have its centre elsewhere.
+        # The centre of a box is uncertain if the box is too short or cut by the edge of the view.
         short = np.maximum(t.size[track, 0] - b.values[:, 3], 0) / 2
         cut = np.where(self.view.cut(b.values), b.values[:, 3] / 2, 0)
         partial = motion.axes(b.values[:, 6], np.maximum(short, cut), 0)
@@ -178,7 +180,7 @@ class Tracker:
         course = np.arctan2(t.state[track, 3], t.state[track, 2])
         agrees = np.cos(course - t.heading[track])
         fast = t.speed()[track] > MOVES_M_S
-        # Votes for the present direction: of the boxes, and of the motion, which has more weight.
+        # Boxes and motion vote for the present direction; the motion has more weight.
         t.ahead[track] += np.where(flipped, -1, 1) * boxes.scores + np.where(fast, 3 * agrees, 0)
         t.ahead[track] = np.clip(t.ahead[track], -20, 20)
         back = track[t.ahead[track] < 0]

@@ -13,14 +13,14 @@ namespace infrasim {
 /// Number of rays that are cast together. Another number would change the last digits of results.
 inline constexpr std::size_t kPacketRays = 16;
 
-/// The part of an order that belongs to a packet.
+/// Returns the rays of one packet. `order` has the numbers of all rays.
 inline std::span<const std::uint32_t> packet_of(std::span<const std::uint32_t> order,
                                                 std::size_t packet) {
   const std::size_t first = packet * kPacketRays;
   return order.subspan(first, std::min(kPacketRays, order.size() - first));
 }
 
-/// Calls `work` with the part of an order that belongs to each packet.
+/// Calls `work` with the rays of each packet. `order` has the numbers of all rays.
 template <class Work>
 void for_each_packet(std::span<const std::uint32_t> order, const Work& work) {
   for (std::size_t first = 0; first < order.size(); first += kPacketRays)

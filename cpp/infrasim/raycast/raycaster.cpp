@@ -119,8 +119,8 @@ struct Packet {
   }
 };
 
-/// Whether a ray meets the unit box, in which the mesh of a body lies, between two ranges. May be
-/// true for a ray that passes slightly beside it.
+/// Whether a ray meets the unit box, in which the mesh of a body lies, between two ranges. Also
+/// true for some rays that pass slightly beside the box.
 /// @param margin by which the box is larger on each side
 bool meets_unit_box(const BodyMotion::UnitRay& ray, float from, float to,
                     const std::array<float, 3>& margin = {}) {
@@ -128,7 +128,7 @@ bool meets_unit_box(const BodyMotion::UnitRay& ray, float from, float to,
   const auto clip = [&](float origin, float direction, float beside) {
     const float inverse = 1 / direction, half = kHalf + beside;
     const float a = (-half - origin) * inverse, b = (half - origin) * inverse;
-    // NaN, of a ray in the plane of a side, leaves the limits as they are.
+    // A ray in the plane of a side gives NaN, which does not change the limits.
     from = std::max(from, std::min(a, b));
     to = std::min(to, std::max(a, b));
   };

@@ -13,7 +13,7 @@ struct RTCDeviceTy;
 
 namespace infrasim {
 
-/// Where a sensor stands in the frame of a mesh library.
+/// Pose of a sensor in the frame of a mesh library.
 struct CastOrigin {
   Vec3 position;
   double yaw = 0;
@@ -81,11 +81,10 @@ class Raycaster {
   void cast_bodies(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
                    bool incidence = true);
 
-  /// Finds the rays of `order` whose cone may meet a body from a distance on before the ray's hit,
-  /// in that order.
+  /// Finds the rays whose cone may meet a body before the ray's hit. `near` has them as in `order`.
   /// @param range  range of each ray's hit; +inf: none
   /// @param spread tangent of half the cone's angle
-  /// @param from_m bodies that are nearer in the whole frame do not count
+  /// @param from_m bodies that stay nearer than this during the whole frame do not count
   void near_bodies(const RayBatch& rays, std::span<const std::uint32_t> order,
                    std::span<const float> range, float spread, float from_m,
                    std::vector<std::uint32_t>& near) const;

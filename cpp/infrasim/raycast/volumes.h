@@ -59,7 +59,7 @@ class Volumes {
     });
   }
 
-  /// Returns the way with the value of `passes`, for ways that are used several times.
+  /// Returns the way with `passes` computed. This saves time if a way is used several times.
   RayWay with_limit(RayWay way) const;
 
   /// Replaces the hit of a ray if leaves on its way stop the ray before it.

@@ -73,7 +73,7 @@ LanePart part_of(const LanePath& lane, const Stretch& stretch, Vec2 foot) {
   for (const double s : stations) {
     const LaneRow row = row_at(lane, zero, s);
     const bool again = !part.rows.empty() && norm(row.place - part.rows.back().place) < kLeastApart;
-    if (again && s != stations.back()) continue;  // the lane turns back here
+    if (again && s != stations.back()) continue;  // the lane returns to the previous row
     if (again && part.rows.size() > 1) part.rows.pop_back();
     part.rows.push_back(row);
   }
@@ -118,7 +118,7 @@ std::vector<LanePart> parts_within(const LanePath& lane, Vec2 foot, double radiu
   std::vector<LanePart> out;
   for (const Stretch& stretch : stretches_within(lane.line, foot, radius)) {
     LanePart part = part_of(lane, stretch, foot);
-    // the lane only turns back
+    // the part has no length, because the lane turns back
     if (norm(part.rows[1].place - part.rows[0].place) < kLeastApart) continue;
     if (!out.empty()) part.name += "_" + std::to_string(out.size() + 1);
     out.push_back(std::move(part));

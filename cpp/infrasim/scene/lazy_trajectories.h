@@ -19,9 +19,9 @@ namespace infrasim {
 /// The objects of a scene. Traffic is simulated only up to the largest frame that was requested.
 /// The objects equal those of a simulation of the whole scene. Thread-safe.
 ///
-/// If there are too many states, the oldest rows are dropped. Rows that were requested before are
-/// kept, up to as many states. When a dropped row is requested, the scene is simulated again from
-/// its beginning, and no more rows are dropped.
+/// If there are more states than the maximum, the oldest rows are dropped. Rows that were requested
+/// before are kept, up to the same number of states. When a dropped row is requested, the scene is
+/// simulated again from its beginning, and no more rows are dropped.
 class LazyTrajectories {
  public:
   /// The constructor simulates nothing.

@@ -21,9 +21,8 @@ void check_sensor_at(const Site& site, const std::string& name, const MountConfi
 double height_above_surface(const Site& site, Vec2 foot, double z);
 
 /// @param surface the site's static surface
-/// @throws ConfigError for a sensor below a road, footway or terrain of a mesh that is not a
-/// bridge,
-///   or inside a building of the meshes
+/// @throws ConfigError for a sensor inside a building of the meshes, or below a road, footway or
+///   terrain of a mesh that is not a bridge
 void check_sensor_in_meshes(const Site& site, const std::string& name, const MountConfig& mount,
                             const Surface& surface);
 

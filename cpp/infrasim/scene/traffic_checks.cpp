@@ -11,8 +11,8 @@ namespace infrasim {
 
 namespace {
 
-// Simulated traffic has no overlaps by its rules. They are only tested in its first minute, as in
-// `infrasim check --traffic`.
+// The rules of simulated traffic prevent overlaps. Therefore only its first minute is tested for
+// overlaps, as in `infrasim check --traffic`.
 constexpr int kSimulatedInstants = 601;
 constexpr int kHeightEvery = 10;      // number of instants between two tests of a vehicle's height
 constexpr double kOffLane_m = 1;      // largest plausible height of a vehicle above its lane

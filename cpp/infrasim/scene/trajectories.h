@@ -81,7 +81,7 @@ struct Trajectories {
 
   int steps() const { return static_cast<int>(rows.size()) - 1; }
   bool whole() const { return kept.empty(); }
-  /// Returns whether the rows are present that a position needs.
+  /// Returns whether the rows that a position needs are present.
   bool has(double position) const;
   /// States at a position in the rows, without the standing objects.
   /// @throws std::logic_error if its rows are missing
@@ -171,8 +171,8 @@ class TrajectoryLines {
   bool begun_ = false;
 };
 
-/// Reads all rows. An object may lack rows only between two equal states, which it then has in
-/// these rows too.
+/// Reads all rows. An object may lack rows only between two equal states. It has the same
+/// state in the missing rows.
 /// @return the trajectories; they have no instants if the file has no rows
 /// @throws ConfigError with file and line, for lines out of order, gaps, jumps or changing sizes
 /// @throws IoError if the file can't be read

@@ -14,8 +14,8 @@ namespace {
 constexpr double kAlongUp = 1e-6;
 constexpr int kSubRaysOfRing = 6;        // of the first ring; ring k has k times as many
 constexpr float kLeastRadius_m = 0.02F;  // of the outermost sub-rays
-// A beam with a larger ratio of its axes is probed at the two ends of the longer one, another beam
-// at every second sub-ray of the ring.
+// If the ratio of a beam's axes is larger, the probes on the ring are the two ends of the longer
+// axis. Otherwise, they are every second sub-ray.
 constexpr double kLong = 3;
 
 }  // namespace
@@ -53,8 +53,8 @@ Beam::Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose)
   }
   probe_shares_ = shares_;
   if (rings > 1) return;
-  // The probes have the ellipse's mean square distance from its axes, which is a quarter. Two
-  // probes have it along the longer axis.
+  // The mean square distance of the probes from the axes of the ellipse equals that of the ellipse,
+  // which is a quarter. With two probes, this is true only along the longer axis.
   const double on_ring = (probes == 2 ? 0.25 : 0.5) / ((4 + 1) / parts);
   probe_shares_.assign(1 + static_cast<std::size_t>(probes), static_cast<float>(on_ring / probes));
   probe_shares_[0] = static_cast<float>(1 - on_ring);

@@ -23,7 +23,7 @@ class Beam {
   Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose);
 
   std::size_t sub_rays() const { return places_.size(); }
-  /// Number of the first sub-rays that are enough for a beam that meets one surface.
+  /// Number of probes: the first sub-rays. If they meet one surface, the others are not cast.
   std::size_t probes() const { return probe_shares_.size(); }
 
   /// Share of the beam's power in each sub-ray; the sum is 1.

@@ -22,8 +22,8 @@ constexpr double kEquallyGood = 1e-6;
 /// Halvings of the interval in which the best exponent lies, to about 1e-6.
 constexpr int kHalvings = 20;
 
-/// A published range under one crossover. The logarithm of the ratio of the published range to the
-/// law's range is `log_ratio + (0.5 - day_exponent) * log_sun`, less that of the dark range.
+/// A published range under one crossover. The logarithm of the published range divided by the law's
+/// range is `log_ratio + (0.5 - day_exponent) * log_sun` minus the logarithm of the dark range.
 struct Term {
   double log_ratio;
   double log_sun;  ///< logarithm of the sunlight relative to the crossover, at least 0

@@ -57,8 +57,7 @@ class ReturnModel {
              ReturnBatch& out, std::span<const std::uint32_t> number = {},
              std::span<const std::uint8_t> rank = {}) const;
 
-  /// Returns whether each echo of the background can become a point. If not, no sample makes it
-  /// one.
+  /// Returns for each echo of the background whether at least one random sample makes it a point.
   std::vector<bool> can_return(const EchoBatch& echoes, std::span<const std::uint16_t> rings) const;
   /// The range or, if it lies in the blind zone of the ring, the end of the blind zone.
   float nearest(float range, std::uint16_t ring) const {
@@ -78,8 +77,8 @@ class ReturnModel {
   EchoMode echo_mode() const { return echoes_.mode; }
   double separation_m() const { return echoes_.separation_m; }
 
-  /// Attenuation by which the strongest echo of a ray is selected. For LiDARs that do not detect by
-  /// received power, the air has no effect. It must not outlive the model.
+  /// Attenuation that is used to select the strongest echo of a ray. For LiDARs that do not detect
+  /// by received power, the air has no effect. The result must not outlive the model.
   EchoPath path() const {
     return {.min_range_m = limits_.min_range_m,
             .extinction_per_m = config_.detection ? extinction_per_m_ : 0,

@@ -72,7 +72,7 @@ class ScanPattern {
   void generate(std::int64_t first_group, double start_s, std::span<const std::uint32_t> which,
                 RayBatch& rays) const;
 
-  /// Sets the ring of each ray of a batch, which does not need a direction for it.
+  /// Sets the ring of each ray of a batch. The rays need not have directions.
   void set_rings(RayBatch& rays) const;
 
   /// Returns an order of the rays of a number of groups in which neighbouring rays are together.

@@ -21,10 +21,10 @@ struct Layout {
   double wheel_radius_m;
 };
 
-// share of the length; a hit on the front or rear face lies beside it by rounding errors
+// share of the length; rounding errors move a hit off the front or rear face by less
 constexpr double kOnFace = 1e-3;
 constexpr double kPillar_m = 0.14;  // width between side windows
-// width of windscreen and rear window between their pillars, as a share of the vehicle's width
+// half the width of windscreen and rear window, as a share of the vehicle's width
 constexpr double kScreenHalfWidth = 0.38;
 constexpr double kRoofNormal = 0.95;  // minimum z of the normal of a roof
 constexpr double kTyreInner = 0.62;   // inner radius of the tyre as a share of the wheel's radius
