@@ -24,7 +24,7 @@ PRODUCTS = {
 }
 # What changed besides the beam, which all LiDARs have now.
 REASONS = {
-    "livox_avia": "had a beam before; its echoes are merged differently",
+    "livox_avia": "had a divergence before; echoes are merged differently",
     "hesai_ot128": "3600 or 1800 columns instead of 2700; range of each channel",
     "hesai_xt32": "range of each channel",
     "livox_horizon": "exponent 0.5 instead of 0.25",

@@ -15,8 +15,8 @@ def rows_of_stays() -> pd.DataFrame:
 def intervals() -> str:
     held = rows_of_stays().held_percent
     return (
-        f"Nominal 95 % intervals contain the true AP in {span(held)} % of the simulated studies, "
-        "if their time blocks are as long as the stay of a vehicle."
+        f"Nominal 95 % intervals contain the true AP in {span(held)} % of simulated tests, if time "
+        "blocks are as long as the stay of a vehicle."
     )
 
 

@@ -23,8 +23,8 @@ WORDS = {  # of quantities in placement_summary.csv, in the words of the page
     "mean pose": "mean of the poses",
     "see all around": "view 360 degrees",
     "look in one direction": "view one direction",
-    "share of poses at which the sign is not that of all poses": "share of poses at which the sign "
-    "differs from that of the mean",
+    "share of poses at which the sign is not that of all poses": "share of poses with the sign "
+    "opposite to the mean",
     "at which it is best": "at which it has the highest AP",
 }
 
@@ -151,9 +151,9 @@ def answers() -> str:
         {
             "question": "{question}",
             "budget, USD": "{budget_usd:,.0f}",
-            "asked for": "{find_percent:.0f} of 100 vehicles",
+            "requested": "{find_percent:.0f} of 100 vehicles",
             "choice": "{lidars}, {heights_m} m",
-            "it finds": found,
+            "found, simulated": found,
         },
     )
 

@@ -98,7 +98,7 @@ def rungs() -> str:
     heads = [
         "changed model",
         *(f"{band}, %" for band in BANDS.values()),
-        "largest relative change, %",
+        "largest change of a ratio, %",
     ]
     return markdown([*heads, "default"], rows)
 

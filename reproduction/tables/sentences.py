@@ -29,6 +29,7 @@ from reproduction.tables.common import results
 WIDE, AVIA = "ruby_plus", "livox_avia"
 FAST, SLOW = ("pointpillars", "centerpoint-pillar"), ("pv-rcnn", "dsvt")
 NETWORKS = (*FAST, *SLOW)
+NAMES = {"pointpillars": "PointPillars", "pv-rcnn": "PV-RCNN", "dsvt": "DSVT"}
 SCENES = {"highway": "on the highway", "curve": "on the curve", "crossroad": "at the crossroad"}
 SETTINGS = {"paper": "the settings of the study", "datasheet": "the settings of the data sheets"}
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
@@ -82,7 +83,7 @@ def where(rows: pd.DataFrame, word: str = "and") -> str:
 
 
 def by_verdict(claim: str, heads: Mapping[str, str]) -> str:
-    """Returns a sentence for each verdict of the fine-tuned detector that occurs in a claim.
+    """Returns a sentence for each verdict of the fine-tuned detector and each of the settings.
 
     The claim holds if a difference lies above or below 0, so that an interval of an open verdict
     contains 0. heads: the sentence of each decided verdict, without the scenes and settings. A last
@@ -90,13 +91,9 @@ def by_verdict(claim: str, heads: Mapping[str, str]) -> str:
     """
     rows = rows_of(claim)
     parts = [
-        f"{head} {where(rows[rows.verdict == verdict])}."
-        for verdict, head in heads.items()
-        if (rows.verdict == verdict).any()
+        *(s for key, head in heads.items() for s in of_settings(head, rows[rows.verdict == key])),
+        *of_settings("The difference is not significant", rows[rows.verdict.isin(OPEN)], "or"),
     ]
-    if rows.verdict.isin(OPEN).any():
-        cases = where(rows[rows.verdict.isin(OPEN)], "or")
-        parts.append(f"The difference is not significant {cases}.")
     if unnamed := set(rows.verdict) - {*heads, *OPEN, TOO_FEW}:
         raise Error(
             f"{claim}: expected a sentence for each verdict, got none for {', '.join(unnamed)}"
@@ -104,18 +101,24 @@ def by_verdict(claim: str, heads: Mapping[str, str]) -> str:
     return " ".join([*parts, of_both(claim)])
 
 
+def of_settings(head: str, rows: pd.DataFrame, word: str = "and") -> list[str]:
+    """Returns a sentence on the scenes of rows for each of the settings that occur."""
+    presets = rows.index.get_level_values("preset")
+    return [f"{head} {where(rows[presets == p], word)}." for p in SETTINGS if p in presets]
+
+
 def of_both(claim: str) -> str:
     """Returns a sentence on the verdicts of both detectors that decide."""
     rows = rows_of(claim, BOTH)
     count = (rows.verdict != ONE).sum()
     decided = rows[~rows.verdict.isin([ONE, *OPEN])]
-    start = "These results were obtained with the fine-tuned detector."
+    start = "These results are for the fine-tuned detector."
     rules = "[rules](../verdict_rules.md#detectors-that-decide)"
     if not count:
-        return f"{start} The second detector of the {rules}, PointPillars, was not measured."
+        return f"{start} PointPillars, the second detector of the {rules}, was not measured."
     listed = (f"`{verdict}` {where(part)}" for verdict, part in decided.groupby("verdict"))
     verdict = f"The verdict of both detectors is {'; '.join(listed)}."
-    end = verdict if len(decided) else "In none of them is it significant for both detectors."
+    end = verdict if len(decided) else "No difference is significant with both detectors."
     cases = f"{NUMBERS[count]} of {NUMBERS[len(rows)]} cases"
     return (
         f"{start} With PointPillars, the second detector of the {rules}, the difference was "
@@ -151,35 +154,34 @@ def comparable() -> str:
     networks = rows_of("comparable", "from nothing").loc[[("highway", "paper")]]
     networks = networks[networks.verdict != TOO_FEW]
     worst, best = networks.low.min(), networks.high.max()
+    named = joined([NAMES[str(name)] for name in networks.detector])
     every = known(bool((captured.value < 0).all() & (common.value < 0).all()), "lower")
     return (
-        f"After fine-tuning, the Avia's AP is {every} than that of 128 lines. With the settings of "
-        f"the study, it is {lower['captured', 'paper']} lower. With those of the data sheets, it "
-        f"is {lower['captured', 'datasheet']} lower. For vehicles that all LiDARs can see, it is "
-        f"{lower['common', 'paper']} lower with the settings of the study. With those of the data "
-        f"sheets, it is {lower['common', 'datasheet']} lower. "
-        "Networks that are trained from scratch give a mean difference of at most "
-        f"{networks.value.abs().max():.1f} AP, on the highway with the settings of the study. The "
-        f"intervals of this difference lie within {worst:.1f} to {best:.1f}. At the crossroad, "
-        "five Avias are used instead of one."
+        f"After fine-tuning, the Avia's AP is {every} than that of 128 lines. The difference is "
+        f"{lower['captured', 'paper']} AP with the settings of the study. With the settings of the "
+        f"data sheets, the difference is {lower['captured', 'datasheet']} AP. For vehicles that "
+        f"all LiDARs can see, the difference is {lower['common', 'paper']} AP with the settings of "
+        "the study. For the same vehicles and the settings of the data sheets, the difference is "
+        f"{lower['common', 'datasheet']} AP. {named}, trained from scratch, give a mean difference "
+        f"of at most {networks.value.abs().max():.1f} AP on the highway with the settings of the "
+        f"study. The intervals of this difference lie within {worst:.1f} to {best:.1f}."
     )
 
 
 def detector_decides() -> str:
     networks = rows_of("comparable", "from nothing").loc[[("highway", "paper")]]
     networks = networks[networks.verdict != TOO_FEW].set_index("detector")
-    names = {"pointpillars": "PointPillars", "pv-rcnn": "PV-RCNN", "dsvt": "DSVT"}
     parts = [
-        f"`{verdict}` with {joined([names[str(name)] for name in part.index])}"
+        f"`{verdict}` with {joined([NAMES[str(name)] for name in part.index])}"
         for verdict, part in networks.groupby("verdict", sort=False)
     ]
     return (
-        "**The difference depends on the detector.** The study trains its networks from scratch "
-        f"at the scene. {joined([names[str(name)] for name in networks.index])} were trained in "
-        "this way on the highway, with the settings of the study. On average, the AP of the Avia "
-        f"then differs from that of 128 lines by at most {networks.value.abs().max():.1f}. The "
-        f"verdict on the claim is {joined(parts)}. The page on [detectors](detectors.md) compares "
-        "these networks."
+        "**The difference depends on the detector.** "
+        f"{joined([NAMES[str(name)] for name in networks.index])} were trained from scratch at the "
+        "scene, as in the study, on the highway with the settings of the study. With these "
+        "networks, the mean AP of the Avia differs from that of 128 lines by at most "
+        f"{networks.value.abs().max():.1f}. The verdict on the claim `comparable` is "
+        f"{', and '.join(parts)}. The page on [detectors](detectors.md) compares these networks."
     )
 
 
@@ -187,7 +189,7 @@ def lines_64() -> str:
     return by_verdict(
         "64-below",
         {
-            HOLDS: "The study finds a lower AP with 64 lines than with the Avia. This claim holds",
+            HOLDS: "As the study claims, the AP with 64 lines is lower than with the Avia",
             FAILS_ABOVE: "The AP with 64 lines is higher than with the Avia",
         },
     )
@@ -195,7 +197,7 @@ def lines_64() -> str:
 
 def distance() -> str:
     heads = {
-        HOLDS: "With distance, the Avia's AP decreases less than that of the best spinning LiDAR",
+        HOLDS: "The Avia's AP decreases less with distance than that of the best spinning LiDAR",
         FAILS_BELOW: "The Avia's AP decreases more than that of the best spinning LiDAR",
     }
     return (
@@ -214,11 +216,11 @@ def value() -> str:
         bool((five.verdict == CHEAPER).all()), "five Avias reach AP 80, and so does a cheaper one"
     )
     return (
-        "A single Avia does not reach an AP of 80 on the highway or on the curve. This AP is of "
-        "all vehicles on both sides of the pole, and the Avia sees only one side. At the "
-        "crossroad, five Avias reach this AP under both presets, but a cheaper LiDAR also reaches "
-        "it. These results were obtained with "
-        "the fine-tuned detector. The tables show which LiDARs reach this AP, by price."
+        "A single Avia does not reach an AP of 80 on the highway or on the curve. The AP includes "
+        "the vehicles on both sides of the pole, but the Avia covers only one side. At the "
+        "crossroad, five Avias reach an AP of 80 under both presets, but a cheaper LiDAR also "
+        "reaches this AP. These results are for the fine-tuned detector. The tables show which "
+        "LiDARs reach an AP of 80, by price."
     )
 
 
@@ -238,12 +240,12 @@ def detectors() -> str:
     known(seconds[tuned] < seconds["from nothing", "pointpillars"], "fine-tuning takes less time")
     known(aps[AVIA][tuned] < aps[AVIA][of_networks].min(), "fine-tuned AP is lower with the Avia")
     return (
-        "Four networks that are trained from scratch on the highway have an AP of "
-        f"{span(aps.loc[of_networks].to_numpy().ravel())} with 128 lines and with the Avia. They "
-        "are PointPillars, CenterPoint-Pillar, PV-RCNN and DSVT; the first two are the fastest. "
-        "Fine-tuning the pretrained detector takes less time than training these networks, but "
-        "its AP with the Avia is lower than theirs. Background needs no labels, and takes the "
-        f"least time per frame. {only} These results are for the settings of the study."
+        "PointPillars, CenterPoint-Pillar, PV-RCNN and DSVT, trained from scratch on the highway, "
+        f"have an AP of {span(aps.loc[of_networks].to_numpy().ravel())} with 128 lines and with "
+        "the Avia. PointPillars and CenterPoint-Pillar take less time per frame than PV-RCNN and "
+        "DSVT. Fine-tuning the pretrained detector takes less time than training these networks, "
+        "but gives a lower AP with the Avia. Background needs no labels, and takes the least time "
+        f"per frame. {only} These results are for the settings of the study."
     )
 
 
@@ -258,10 +260,11 @@ def points() -> str:
     )
     return (
         f"With the settings of the study, the Livox Avia has {rows.value['paper']:.1f} times as "
-        "many points on far vehicles as the best of the other LiDARs. These settings give it a "
-        f"longer range and no drop-off. If all ranges are equal, the Avia has {low} points than "
-        f"the best of the others: {rows.value['equal']:.2f} times as many. With the settings of "
-        f"the data sheets, it has {rows.value['datasheet']:.2f} times as many."
+        "many points on far vehicles as the best other LiDAR. In these settings, only the Avia has "
+        "a long range and no random loss of returns (drop-off). If all ranges are equal, the Avia "
+        f"has {low} points than the best other LiDAR: {rows.value['equal']:.2f} times as many. "
+        f"With the settings of the data sheets, the Avia has {rows.value['datasheet']:.2f} times "
+        "as many points."
     )
 
 
@@ -271,11 +274,11 @@ def motor() -> str:
     known(set(changes.verdict[0]) == {"fails"}, "without a turn, `deskew` fails")
     known(set(changes.verdict[180]) == {"holds"}, "turned by half a turn, `deskew` holds")
     return (
-        "The verdict on `deskew` depends on the motor. LiDARs with phase-locked motors scan the "
-        "road ahead at mid-frame, which is the label time of the boxes, and the claim fails for "
-        "spinning LiDARs with the settings of the study. With the motors turned by 180 degrees, "
+        "The verdict on `deskew` depends on the cut angle. With the settings of the study, "
+        "spinning LiDARs scan the road ahead at mid-frame, which is the label time of the boxes. "
+        "The claim then fails for spinning LiDARs. If the cut angle is turned by 180 degrees, "
         f"motion moves {span(-changes.value[180])} % of the points of a spinning LiDAR out of the "
-        "box, and the claim holds."
+        "box. The claim then holds."
     )
 
 
@@ -286,6 +289,6 @@ def seeds() -> str:
     return (
         "With a fine-tuned detector and five replicates, the 95 % interval of the AP difference "
         f"between two LiDARs has a half-width of {tuned[5]:.1f} AP. With three replicates, the "
-        f"half-width is {tuned[3]:.1f} AP. Background needs more replicates: with five, the "
+        f"half-width is {tuned[3]:.1f} AP. Background needs more replicates: with five, its "
         f"half-width is {halves['background'][5]:.1f} AP."
     )

@@ -27,10 +27,10 @@ def fidelity() -> str:
     exception = known(besides == ["Avia"], "except for the Avia")
     return (
         "If vehicles have no windows, no gap below them and no clear coat, the AP of "
-        f"Background is {span(c.value for c in none.values())} too high. With windows alone, the "
-        f"AP does not differ significantly from that with all three, {exception}. If a scene "
-        f"has no plants, the AP of the Avia is {plants['livox_avia'].value:.0f} too high, and "
-        f"that of 16 lines {plants['helios_16'].value:.0f} too high. Vehicle bodies with ten times "
+        f"Background is {span(c.value for c in none.values())} too high. If vehicles have windows, "
+        f"the gap and the coat do not change the AP significantly, {exception}. If a scene has no "
+        f"plants, the AP is {plants['livox_avia'].value:.0f} too high with the Avia and "
+        f"{plants['helios_16'].value:.0f} too high with 16 lines. Vehicle bodies with ten times "
         "as many triangles do not change the AP significantly: the intervals of the changes lie "
         f"within -{within(finer)} to {within(finer)}."
     )
@@ -43,9 +43,10 @@ def failures() -> str:
     yaw, height = falls["yaw_error"].values(), falls["height_error"].values()
     return (
         f"With every detector, a yaw error of {span(yaw, 2)} degrees lowers the AP by 10. A height "
-        f"error of {span(height, 1)} m has the same effect. With networks, a pitch error has this "
-        f"effect from {min(networks.values()):.1f} degrees on, and with Background from "
-        f"{min(background):.2f} degrees on. {_tolerant(('rain', 'fog', 'drop_out'))}"
+        f"error of {span(height, 1)} m also lowers the AP by 10. A pitch error lowers the AP by 10 "
+        f"from {min(networks.values()):.1f} degrees on with networks, and from "
+        f"{min(background):.2f} degrees on with Background. "
+        f"{_tolerant(('rain', 'fog', 'drop_out'))}"
     )
 
 
@@ -75,9 +76,10 @@ def integration() -> str:
     none = known(not any(c.low > 0 for c in last), "no significant gain")
     return (
         "With the Avia, clouds that contain all frames of 0.5 s raise the AP by "
-        f"{slow.value:.1f} if vehicles drive at 20 km/h. The label is then that of the middle "
-        "frame, so that the result is late. At 62 km/h, these clouds lower the AP. With the label "
-        f"of the last frame, which a detector in real time needs, such clouds give {none}."
+        f"{slow.value:.1f} if vehicles drive at 20 km/h. The label of such a cloud is that of its "
+        "middle frame, so the result is late. At 62 km/h, clouds of 0.5 s lower the AP. With the "
+        "label of the last frame, which a detector in real time needs, clouds of 0.5 s give "
+        f"{none}."
     )
 
 
@@ -95,10 +97,10 @@ def label_times() -> str:
         others += [scan[angle] - tested[angle] for angle in ANGLES_DEG if angle != trained_at]
     return (
         "With labels at mid-frame, the AP of a trained detector depends on the cut angle of the "
-        f"LiDAR. At the cut angle of its training, the AP is {span(own)} lower than with labels "
-        f"at scan time; at other cut angles it is {span(others)} lower. With labels at scan time, "
-        "the cut angle has no significant effect. Use `label_time: scan` unless your detector "
-        "always runs with the cut angle of its training."
+        f"LiDAR. At the cut angle of the training, the AP is {span(own)} lower than with labels "
+        f"at scan time. At other cut angles, the AP is {span(others)} lower. With labels at scan "
+        "time, the cut angle has no significant effect. Use `label_time: scan` unless your "
+        "detector always runs with the cut angle of its training."
     )
 
 
@@ -115,9 +117,9 @@ def placement() -> str:
         "At equal price, the pose that `pyinfra plan` predicts to be best has a higher AP than the "
         f"mean of six poses of the same LiDAR. The difference is {gain.value:.0f} AP "
         f"[{gain.low:.0f}, {gain.high:.0f}]. For the price of one LiDAR of 128 lines, plans have "
-        f"{units:.1f} LiDARs of 16 lines on average. Their share of vehicles found within 60 m "
-        "does not differ significantly from that of 128 lines. Their AP over the whole region is "
-        f"{-ap.value:.0f} lower."
+        f"{units:.1f} LiDARs of 16 lines on average. Within 60 m, the shares of vehicles that 16 "
+        "and 128 lines find do not differ significantly. Over the whole region, the AP of the "
+        f"LiDARs of 16 lines is {-ap.value:.0f} lower."
     )
 
 
@@ -137,12 +139,13 @@ def lidar_models() -> str:
         *("first echo", "last echo", "two echoes", "exponent 0.5"),
     ]
     return (
-        "If the simulation leaves out the divergence of beams or the range of each channel, the "
-        f"ratio of two LiDARs' points per vehicle changes by up to {max(on):.0f} %. More sub-rays, "
-        "sub-rays everywhere and a different separation of echoes change this ratio by at most "
+        "A comparison needs the divergence of beams and the range of each channel. Without one of "
+        "these models, the ratio of two LiDARs' points per vehicle changes by up to "
+        f"{max(on):.0f} %. More rays per beam and a different separation of echoes change this "
+        "ratio by at most "
         f"{most:.1f} %, and are off by default. Assumed beam widths, the echo mode and the "
         f"exponent of the range law change the ratio by {span(largest[name] for name in choices)} "
-        "%. Compare LiDARs with several values of these settings."
+        "%. Compare LiDARs with several values of these three settings."
     )
 
 
@@ -151,8 +154,8 @@ def tracks() -> str:
     table = table[table.lidar.isin(("ruby_plus", "pandar_64"))]
     off = 100 * (table.passages - table.passages_true).abs() / table.passages_true
     return (
-        f"With 64 and 128 lines, the tracks have a HOTA of {span(table.hota)}. The counts of "
-        f"vehicles differ from the true counts by at most {off.max():.0f} %."
+        f"With 64 and 128 lines, the tracks have a HOTA of {span(table.hota)}. With these LiDARs, "
+        f"the counts of vehicles differ from the true counts by at most {off.max():.0f} %."
     )
 
 
@@ -163,7 +166,7 @@ def follow() -> str:
     return known(
         growth < 1,
         f"The memory of `pyinfra detect --follow` stays at {span(table.memory_mb)} MB for an hour. "
-        f"On two cores with a load average of {span(table.load)}, the command drops "
+        f"On two busy cores (load average {span(table.load)}), the command drops "
         f"{span(dropped)} % of the clouds. The longest delay is "
         f"{table.delay_max_ms.max() / 1000:.1f} s.",
     )
@@ -190,10 +193,11 @@ def plan_intervals() -> str:
         for figure in ("recall", "ap", "false_per_frame")
     )
     return (
-        "The 95 % intervals of predicted shares of vehicles contain the mean of further traffic "
-        f"for {share[0]} % of {options} options, and those of simulated shares for {share[1]} %. "
-        f"For the AP, they do so for {ap[0]} % and {ap[1]} %, and for the number of false boxes "
-        f"for {false[0]} % and {false[1]} %."
+        f"The intervals of {options} options were tested. Of the 95 % intervals of the share of "
+        f"vehicles found, {share[0]} % of the predicted and {share[1]} % of the simulated ones "
+        f"contain the mean of further traffic. For the AP, {ap[0]} % of the predicted and {ap[1]} "
+        f"% of the simulated intervals contain this mean. For the number of false boxes, {false[0]}"
+        f" % of the predicted and {false[1]} % of the simulated intervals contain this mean."
     )
 
 

@@ -33,10 +33,10 @@ def places() -> str:
     )
     return (
         f"Houses hide {hidden['back']:.0f} % of the vehicles from the pole before the crossing, "
-        f"and {hidden['6m']:.0f} % from the pole at the corner. Only the AP of all vehicles, "
-        "visible or not, shows this effect. At the corner, fewer vehicles are hidden from a height "
-        "of 8 m than from 6 m, but the AP of all vehicles is lower at 8 m, also if the LiDAR is "
-        f"tilted down. A second pole of the same height adds {adds}.{others}"
+        f"and {hidden['6m']:.0f} % from the pole at the corner. Only the AP of all vehicles "
+        "includes the hidden ones. At the corner, fewer vehicles are hidden from a height of 8 m "
+        "than from 6 m, but the AP of all vehicles is lower at 8 m, also if the LiDAR is tilted "
+        f"down. A second pole of 6 m adds {adds}.{others}"
     )
 
 
@@ -70,6 +70,6 @@ def pole_errors() -> str:
     known(all(d.low <= 0 <= d.high for d in clocks), "late clocks do not change AP significantly")
     return (
         "Clocks that are up to 50 ms late do not change the AP significantly at this junction. A "
-        f"yaw error of 0.5 degrees lowers the AP by {span(turned[2])} with two poles, and by "
-        f"{span(turned[4])} with four."
+        f"yaw error of 0.5 degrees lowers the AP by {span(turned[2])} with two poles. With four "
+        f"poles, the same error lowers the AP by {span(turned[4])}."
     )
