@@ -26,7 +26,7 @@ CONFIG_KEYS = ("name", "model", "price_usd", "pattern", "bundle")
 class Rays:
     """Directions and times of n rays in the sensor's frame."""
 
-    azimuth_deg: FloatArray  # (n,)
+    azimuth_deg: FloatArray  # (n,) without a jump within the field of view
     elevation_deg: FloatArray  # (n,)
     time_s: FloatArray  # (n,) time since the start of the run
 
@@ -49,7 +49,11 @@ def read_rays(lidar_yaml: Path, seconds: float, period_s: float) -> Rays:
         frames = int(np.ceil(seconds / period_s - 1e-9))
         rays = simulation.scan_pattern(file, range(frames), preset="run")
     rays = rays[rays[:, 2] < seconds - 1e-9]
-    return Rays(np.degrees(rays[:, 0]), np.degrees(rays[:, 1]), rays[:, 2])
+    azimuth = np.degrees(rays[:, 0])
+    # A field of view through 180 degrees ends above 180.
+    middle = sum(written["field_of_view"][0]["azimuth_deg"]) / 2
+    azimuth[azimuth < middle - 180] += 360
+    return Rays(azimuth, np.degrees(rays[:, 1]), rays[:, 2])
 
 
 def has_pattern(lidar_yaml: Path) -> bool:

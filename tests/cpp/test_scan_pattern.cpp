@@ -550,6 +550,33 @@ TEST(field_of_view, of_a_spinning_unit_has_no_gap_between_columns) {
   EXPECT_NEAR(all.elevation_max_deg, 15, 1e-9);
 }
 
+TEST(field_of_view, of_a_table_may_go_through_180_degrees) {
+  const auto span_of = [](double first_deg, double last_deg, double step_deg) {
+    PatternConfig pattern = five_directions();
+    pattern.table->directions.clear();
+    for (double azimuth_deg = first_deg; azimuth_deg <= last_deg + 1e-9; azimuth_deg += step_deg)
+      pattern.table->directions.push_back({rad(azimuth_deg), -0.1});
+    std::swap(pattern.table->directions.front(), pattern.table->directions.back());
+    return field_of_view(ScanPattern(pattern, 0, kLevel, 0));
+  };
+  struct Case {
+    double first_deg, last_deg, step_deg, least_deg, most_deg;
+  };
+  for (const auto& [first, last, step, least, most] : {Case{-30, 30, 0.2, -30, 30},
+                                                       {150, 210, 0.2, 150, 210},
+                                                       {-210, -150, 0.2, 150, 210},
+                                                       {100, 170, 5, 100, 170},
+                                                       {0, 270, 0.5, 0, 270},
+                                                       {25, 25, 1, 25, 25},
+                                                       {-179.9, 179.9, 0.1, -179.9, 179.9},
+                                                       {-170, 180, 10, -170, 180},
+                                                       {-170.5, 179.5, 10, -170.5, 179.5}}) {
+    const FieldOfView view = span_of(first, last, step);
+    EXPECT_NEAR(view.azimuth_min_deg, least, 1e-9) << first << " to " << last;
+    EXPECT_NEAR(view.azimuth_max_deg, most, 1e-9) << first << " to " << last;
+  }
+}
+
 // --- prisms -----------------------------------------------------------------------------------
 
 /// The expected shares and the extent are those of the vendor's scan table: 4 s with 240,000 rays

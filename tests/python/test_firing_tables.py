@@ -1,5 +1,6 @@
 """LiDARs with a firing table: units, times, and data sets that contain the table."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,11 @@ from conftest import Infrasim
 
 import pyinfra as pi
 from pyinfra.cli import main
+from pyinfra.dataset.data_set import field_of_view_mask
 from pyinfra.experiments.stress import lidar as stress_lidar
+from pyinfra.formats import kitti
+from pyinfra.metrics import scan_patterns
+from pyinfra.viz.clouds import sector
 
 ROWS = 500
 FRAMES = "0:3"
@@ -105,6 +110,34 @@ def test_what_pattern_writes_is_a_table(folder: Path, infrasim: Infrasim) -> Non
     write_lidar(folder / "parts/again.yaml", "own.npy")
     again = rays(infrasim, folder / "parts/again.yaml")
     np.testing.assert_allclose(again[: len(first)], first, atol=1e-6)
+
+
+def test_the_view_of_a_table_may_go_through_180_degrees(folder: Path, infrasim: Infrasim) -> None:
+    k = np.arange(3000)
+    ahead, behind = np.array([[50.0, 3.0, -5.0]]), np.array([[-50.0, 3.0, -5.0]])
+    lit = []
+    for middle_deg, seen, unseen, sides in [
+        (0, ahead, behind, "sees from 55 degrees (north-east) to 125 degrees (south-east)"),
+        (180, behind, ahead, "sees from 235 degrees (south-west) to 305 degrees (north-west)"),
+    ]:
+        azimuth = middle_deg - 35 + 70 * (k % 100) / 99
+        rows = {"azimuth_deg": azimuth, "elevation_deg": -k // 100 * 0.9, "time_s": k * 1e-5}
+        pd.DataFrame(rows).to_csv(folder / "parts/table.csv", index=False)
+        data = run(infrasim, folder)
+        lidar, tilt = kitti.read_lidar(data / "own"), kitti.read_tilt(data / "own")
+        (view,) = lidar.field_of_view
+        edges = [middle_deg - 35, middle_deg + 35]
+        np.testing.assert_allclose(np.degrees(view.azimuth), edges, atol=0.01)
+        assert field_of_view_mask(lidar, tilt, seen)[1].all()
+        assert not field_of_view_mask(lidar, tilt, unseen)[0].any()
+        outline = sector(view)
+        assert (np.sign(outline[1:-1, 0]) == np.sign(seen[0, 0])).all()
+        words = ["--lidar", folder / "parts/own.yaml"]
+        assert sides in infrasim("check", "configs/scenes/flat.yaml", *words).stderr
+        rays = scan_patterns.read_rays(data / "own/lidar.yaml", 0.1, lidar.period_s)
+        lit.append(scan_patterns.lit_share(rays).field_deg2.iloc[0])
+        shutil.rmtree(data)
+    assert lit[1] == pytest.approx(lit[0], rel=0.02)
 
 
 @pytest.mark.nightly

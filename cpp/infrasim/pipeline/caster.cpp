@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <iterator>
-#include <limits>
 #include <numeric>
 
 #include "infrasim/sensor/pattern_table.h"
@@ -400,9 +399,9 @@ void Caster::stop_in_leaves(const Part& part) {
   leaves_.stop(rays_, order_for_leaves(part), rng_of, hits_);
 }
 
-/// Returns the rays that may meet leaves. They include rays that are not cast.
+/// Returns the rays without sub-rays that may meet leaves. They include rays that are not cast.
 std::span<const std::uint32_t> Caster::order_for_leaves(const Part& part) {
-  if (bodies_only_) return part.scanner.beam ? std::span<const std::uint32_t>{} : selected_;
+  if (bodies_only_) return selected_;
   if (part.scanner.layer) return in_leaves_;
   return tile_order(part.scanner, part.groups());
 }
@@ -503,9 +502,6 @@ void Caster::detect(const Part& part, FrameBuilder& out) {
   if (mode == EchoMode::kStrongest) others_.clear();
   const bool several = mode != EchoMode::kStrongest && !others_.empty();
   if (several) add_other_echoes();
-  if (bodies_only_)
-    for (std::size_t i = 0; i < echoes_.size(); ++i)
-      if (echoes_.object[i] < 0) echoes_.range[i] = std::numeric_limits<float>::infinity();
   StageTimes::measure(times_, Stage::kReturns, [&] {
     part.scanner.returns.apply(
         part.frame, part.first_ray, echoes_, wide ? sunlit_ : echoes_.reflectance,
@@ -524,6 +520,7 @@ void Caster::collect(std::span<const MovingObject> objects, bool wide, FrameBuil
   for (std::size_t n = 0; n < returns_.size(); ++n) {
     const std::uint32_t echo = returns_.echo[n], i = ray_of(echo);
     const std::int32_t object = echoes_.object[echo];
+    if (bodies_only_ && object < 0) continue;
     const MovingObject* hit = object < 0 ? nullptr : &objects[static_cast<std::size_t>(object)];
     out.add({.dx = rays_.dx[i],
              .dy = rays_.dy[i],

@@ -82,7 +82,7 @@ std::vector<PointCount> FrameBuilder::count(std::span<const ObjectBoxes> boxes,
   std::vector<PointCount> counts(boxes.size());
   const Hit* before = nullptr;
   for (const Hit& hit : hits_) {
-    const bool again = before != nullptr && before->ray == hit.ray && before->object == hit.object;
+    const bool again = hit.again_after(before);
     before = &hit;
     if (again) continue;
     const auto k = static_cast<std::size_t>(hit.object);
@@ -102,14 +102,17 @@ std::vector<PointSpread> FrameBuilder::spread(std::size_t objects, const BoxAt& 
   };
   std::vector<PointSpread> out(objects);
   std::vector<Ends> ends(objects);
+  const Hit* before = nullptr;
   for (const Hit& hit : hits_) {
+    const bool again = hit.again_after(before);
+    before = &hit;
     const auto k = static_cast<std::size_t>(hit.object);
     const BoxFrame box(box_at(k, hit.time_s));
     const Vec3 p = box.to_box(hit.wide ? box.nearest(hit.place) : hit.place);
     auto& [low, high] = ends[k];
     low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
     high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
-    ++out[k].points;
+    out[k].points += again ? 0 : 1;
   }
   for (std::size_t k = 0; k < objects; ++k) {
     if (out[k].points == 0) continue;

@@ -41,7 +41,8 @@ struct PointCount {
   int points_in_scan_box = 0;
 };
 
-/// Points on an object, and their extents along the axes of its box, metres.
+/// Number of points on an object, and their extents along the axes of its box, metres. Two points
+/// of one ray count once.
 struct PointSpread {
   int points = 0;
   double along_m = 0;
@@ -105,6 +106,11 @@ class FrameBuilder {
     double time_s;  ///< time of the object's state that the ray met
     bool wide;
     Vec3 place;
+
+    /// Whether the hit before is another echo of the same ray and object, which counts once.
+    bool again_after(const Hit* before) const {
+      return before != nullptr && before->ray == ray && before->object == object;
+    }
   };
   void add_hit(const Return& r);
 

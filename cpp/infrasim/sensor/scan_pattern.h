@@ -126,7 +126,8 @@ class ScanPattern {
 /// their order.
 std::vector<Channel> channels_by_ring(const SpinningConfig& spinning);
 
-/// Extent of a pattern in its own frame.
+/// Extent of a pattern in its own frame. A pattern that sees across 180 degrees of azimuth has a
+/// maximum above 180.
 struct FieldOfView {
   double azimuth_min_deg, azimuth_max_deg, elevation_min_deg, elevation_max_deg;
 };
