@@ -279,6 +279,29 @@ def test_an_own_model_of_returns_decides_what_becomes_a_point() -> None:
         _ = pi.simulate(scene, "helios_16", [0], returns=lambda hits, rng: 3)[0].points
 
 
+def test_an_own_model_of_returns_applies_at_each_mount() -> None:
+    def few(hits: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        return hits[:5]
+
+    both = ["west", "east"]
+    alone = pi.simulate("crossroad_poles", "helios_16", [0], mount=both, returns=few)
+    assert [len(one[0].points) for one in alone.values()] == [5, 5]
+    fused = pi.simulate("crossroad_poles", "helios_16", [0], mount=both, fuse=True, returns=few)
+    assert fused[0].fields["mount"].tolist() == [0] * 5 + [1] * 5
+
+
+def test_counts_of_an_own_model_of_returns_can_be_saved(tmp_path: Path) -> None:
+    """No object has more points in its box than points, so that the data set can be read."""
+
+    def half(hits: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        return hits[::2]
+
+    scene = pi.load_scene("highway", seed=1, set=SHORT)
+    frames = pi.simulate(scene, "helios_16", [0], returns=half)
+    saved = pi.load_dataset(frames.save(tmp_path / "data"))["helios_16"]
+    pd.testing.assert_series_equal(saved.objects.points, frames.objects.points)
+
+
 def test_an_own_mesh_hides_what_is_behind_it() -> None:
     corners = np.array([[10, -20, 0], [10, 20, 0], [10, 20, 9], [10, -20, 9]], float)
     pole = pi.load_scene("highway", seed=1, set=SHORT)
