@@ -70,7 +70,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Multipolygon:
-    """A building of several ways. `members` are ids of ways with their roles."""
+    """A building of one or more ways. `members` are ids of ways with their roles."""
 
     id: str
     members: list[tuple[str, str]]
@@ -224,9 +224,12 @@ def _read_element(node: Element, street_map: StreetMap, file: Path) -> None:
     elif tags.get("type") == "lanelet":
         street_map.lanelets += 1
     elif tags.get("building", "no") != "no":
-        members = [(m.get("ref", ""), m.get("role", "")) for m in node.iterfind("member")]
-        members = [(ref, role or "outer") for ref, role in members]
-        street_map.multipolygons.append(Multipolygon(name, members, tags))
+        found = [(m.get("type", "way"), m) for m in node.iterfind("member")]
+        members = [
+            (m.get("ref", ""), m.get("role") or "outer") for kind, m in found if kind == "way"
+        ]
+        if not any(kind == "relation" and m.get("role") == "outline" for kind, m in found):
+            street_map.multipolygons.append(Multipolygon(name, members, tags))
 
 
 def is_deleted(node: Element) -> bool:
