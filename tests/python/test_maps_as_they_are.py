@@ -218,6 +218,29 @@ def test_tracks_of_drones_have_no_heights(tmp_path: Path) -> None:
     assert track.states[-1, 0] - track.states[0, 0] == pytest.approx(40, abs=0.5)
 
 
+def test_tracks_of_drones_have_no_sizes_of_people(tmp_path: Path) -> None:
+    """In inD and its relatives, width and length of pedestrians and bicycles are 0."""
+    objects = ((0, 0.4, "1.8,4.5"), (1, 0.05, "0.0,0.0"), (2, 0.2, "0,0"))
+    rows = [
+        f"7,{i},{k},{20 + step * k},{9.0 * i},0.0,{size}\n"
+        for i, step, size in objects
+        for k in range(101)
+    ]
+    (tmp_path / "07_tracks.csv").write_text(
+        "recordingId,trackId,frame,xCenter,yCenter,heading,width,length\n" + "".join(rows)
+    )
+    (tmp_path / "07_tracksMeta.csv").write_text(
+        "recordingId,trackId,class\n7,0,car\n7,1,pedestrian\n7,2,bicycle\n"
+    )
+    of_class = {"car": "Car", "pedestrian": "Pedestrian", "bicycle": "Cyclist"}
+    how = BoxColumns({}, of_class, 25.0, True)
+    boxes = read_boxes(tmp_path / "07_tracks.csv", how)
+    imported = import_boxes(on_lanes(tmp_path, boxes, np.zeros(3))[0], np.zeros(3))
+    sizes = {track.object_class: track.size_m[:2].tolist() for track in imported.tracks}
+    assert sizes == {"Car": [4.5, 1.8], "Pedestrian": [0.73, 0.67], "Cyclist": [1.67, 0.7]}
+    assert any(note.startswith("sizes of 0 of 2 objects") for note in imported.notes)
+
+
 def test_sumo_writes_tables_with_semicolons(tmp_path: Path) -> None:
     file = tmp_path / "fcd.csv"
     file.write_text(
