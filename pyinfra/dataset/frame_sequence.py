@@ -355,7 +355,7 @@ class SimulatedFrames(FrameSequence):
             cloud = simulation.points(frame), simulation.fields(frame)
             if self.returns is not None:
                 cloud = returned(self.returns, number, *cloud)
-                self.rows[number] = counted(frame.objects, cloud[1]["object_id"])
+                self.rows[number] = counted(frame.objects, cloud[0], cloud[1]["object_id"])
             self.clouds[number] = cloud
             while len(self.clouds) > self.kept:
                 self.clouds.popitem(last=False)

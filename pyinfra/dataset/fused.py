@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -11,12 +11,17 @@ from typing import Any
 import numpy as np
 import yaml
 
-from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray, Records
+from pyinfra.core.arrays import AnyArray, BoolArray, Float32Array, FloatArray, Records
 from pyinfra.core.boxes import wrapped
+from pyinfra.core.errors import Error
+from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset import simulation
 from pyinfra.dataset.frame_sequence import SimulatedFrames
 from pyinfra.dataset.loading import with_overrides
 from pyinfra.dataset.made import recipe_of
+from pyinfra.dataset.object_rows import type_names
+from pyinfra.dataset.regions import FOOTWAYS_M
+from pyinfra.dataset.returns import with_points_in_boxes
 from pyinfra.dataset.world_frame import rotation, to_levelled, to_world
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.yaml_file import read_keys
@@ -31,9 +36,9 @@ PoseError = tuple[FloatArray, FloatArray]  # rotation (3, 3) and shift (3,) of a
 class FusedFrames(SimulatedFrames):
     """The frames of a LiDAR with the points of others added, in the levelled frame of the first.
 
-    Clocks are exact. The points of each LiDAR are moved by an error of its assumed pose. The label
-    of an object is that of the LiDAR with most points on it. `fields` has the column `mount`: the
-    index of the LiDAR of each point.
+    Clocks are exact. The points of each LiDAR are moved by an error of its assumed pose. Objects
+    have the rows that `infrasim run` writes for them. `fields` has the column `mount`: the index of
+    the LiDAR of each point.
     """
 
     others: tuple[SimulatedFrames, ...] = field(default=())
@@ -58,10 +63,50 @@ class FusedFrames(SimulatedFrames):
                 every_field.append(with_mount(more_fields, i))
                 rows.append(moved_rows(one.rows[number], one.lidar.T_world_levelled, pose))
             cloud = np.concatenate(clouds), np.concatenate(every_field)
-            self.rows[number], self.clouds[number] = merged_rows(rows), cloud
+            merged = self._merged(rows)
+            self.rows[number] = with_points_in_boxes(merged, cloud[0], cloud[1]["object_id"])
+            self.clouds[number] = cloud
             while len(self.clouds) > self.kept:
                 self.clouds.popitem(last=False)
             yield number, cloud
+
+    def _merged(self, parts: Sequence[AnyArray]) -> AnyArray:
+        """Returns one row per object: poses of the first LiDAR, at the mean time of all points.
+
+        `parts` are the rows of each LiDAR in the levelled frame of the first. The visibility is the
+        highest one, and -1 outside the region of the first LiDAR.
+        """
+        every = np.concatenate(parts)
+        every = every[np.argsort(every["id"], kind="stable")]
+        first = np.flatnonzero(np.diff(every["id"], prepend=-(2**31)))
+        out = every[first].copy()
+        if not len(out):
+            return out
+        inside = out["visibility"] >= 0
+        unseen = ~np.isin(out["id"], parts[0]["id"])  # beyond the first LiDAR's range
+        inside[unseen] = self._is_in_region(out[unseen])
+        highest = np.maximum.reduceat(every["visibility"], first)
+        out["visibility"] = np.where(inside, highest, -1)
+        middle = self.unit.period_s / 2
+        late = every["scan_time_s"] - middle
+        out["points"] = np.add.reduceat(every["points"], first)
+        mean = np.add.reduceat(every["points"] * late, first) / np.maximum(out["points"], 1)
+        out["scan_time_s"] = middle + mean
+        # Motion is linear within a frame: from mid-frame to the scan time that is farthest away.
+        order = np.lexsort((-np.abs(late), every["id"]))[first]
+        far, most = every[order], late[order]
+        share = np.divide(mean, most, out=np.zeros_like(mean), where=most != 0)
+        for name in ("x", "y", "z"):
+            out[f"scan_{name}"] = out[name] + share * (far[f"scan_{name}"] - far[name])
+        turn = share * wrapped(far["scan_heading"] - far["heading"])
+        out["scan_heading"] = wrapped(out["heading"] + turn)
+        return np.asarray(out)
+
+    def _is_in_region(self, rows: AnyArray) -> BoolArray:
+        xy = np.stack([rows["x"], rows["y"]], axis=1)
+        are_people = np.isin(type_names(rows), PERSON_TYPES)
+        holds = self.region.holds
+        return np.where(are_people, holds(xy, FOOTWAYS_M), holds(xy, 0.0))
 
 
 def fused(
@@ -106,6 +151,20 @@ def keys_of(world: simulation.World) -> dict[str, Any]:
     keys = read_keys(Path(source)) if is_file else yaml.safe_load(source)
     pairs = (text.partition("=")[::2] for text in (recipe.args[1] if is_file else ()))
     return with_overrides(keys, {name: yaml.safe_load(value) for name, value in pairs})
+
+
+def check_clocks(worlds: Mapping[str, simulation.World]) -> None:
+    """Raises Error if the clocks of the mounts differ, because fused frames have one clock."""
+    late = {
+        name: keys_of(x)["mounts"][name].get("clock_offset_s") or 0 for name, x in worlds.items()
+    }
+    first, *others = late
+    for name in others:
+        if late[name] != late[first]:
+            raise Error(
+                f"mounts.{name}.clock_offset_s: expected {late[first]:g} as at mount '{first}', "
+                f"got {late[name]:g}; for different clocks, use `infrasim run`"
+            )
 
 
 def error_of(world: simulation.World, name: str) -> PoseError | None:
@@ -159,15 +218,3 @@ def moved_rows(rows: AnyArray, pose: WorldPose, to: WorldPose) -> AnyArray:
         out[f"{at}heading"] = wrapped(rows[f"{at}heading"] + pose.yaw - to.yaw)
     out["distance"] = np.hypot(out["x"], out["y"])
     return out
-
-
-def merged_rows(parts: Sequence[AnyArray]) -> AnyArray:
-    """Returns one row per object: that with most points, with the sum of all points."""
-    every = np.concatenate(parts)
-    every = every[np.lexsort((-every["points"], every["id"]))]
-    first = np.flatnonzero(np.diff(every["id"], prepend=-(2**31)))
-    out = every[first].copy()
-    if len(out):
-        out["points"] = np.add.reduceat(every["points"], first)
-        out["visibility"] = np.maximum.reduceat(every["visibility"], first)
-    return np.asarray(out)

@@ -208,7 +208,7 @@ def with_meshes(
 ) -> list[dict[str, object]]:
     """Returns the key `meshes` of a scene file with further meshes, as in `load_scene`."""
     others = read_keys(scene).get("meshes") or []
-    own = [{**mesh, "file": str(scene.parent / mesh["file"])} for mesh in others]
+    own = [{**mesh, "file": str(scene.absolute().parent / mesh["file"])} for mesh in others]
     return [*own, *_mesh_files(meshes)]
 
 

@@ -10,6 +10,7 @@ from pyinfra.core.errors import Error
 from pyinfra.formats import kitti
 
 XYZI = ("x", "y", "z", "intensity")
+MARGIN_M = 0.01  # points on a face count as inside their box, as in the simulator
 HITS = np.dtype([*((name, "<f4") for name in XYZI), *kitti.FIELDS.descr])
 
 
@@ -36,10 +37,39 @@ def returned(
     return cloud, made[list(kitti.FIELDS.names or ())].astype(kitti.FIELDS)
 
 
-def counted(rows: AnyArray, object_ids: IntArray) -> AnyArray:
-    """Returns object rows whose `points` are the number of their id in `object_ids` (n,)."""
-    out = rows.copy()
-    ids, counts = np.unique(object_ids, return_counts=True)
-    of_id = dict(zip(ids.tolist(), counts.tolist(), strict=True))
-    out["points"] = [of_id.get(number, 0) for number in rows["id"].tolist()]
+def counted(rows: AnyArray, points: Float32Array, object_ids: IntArray) -> AnyArray:
+    """Returns object rows whose counts are those of points (n, 4) with ids of objects (n,)."""
+    out = with_points_in_boxes(rows, points, object_ids)
+    row, _ = _rows_of(rows, object_ids)
+    out["points"] = np.bincount(row, minlength=len(rows))
     return out
+
+
+def with_points_in_boxes(rows: AnyArray, points: Float32Array, object_ids: IntArray) -> AnyArray:
+    """Returns object rows whose counts in boxes are those of points (n, 4) with ids (n,).
+
+    Unlike those of the simulator, the boxes are level on grades.
+    """
+    out = rows.copy()
+    row, on_object = _rows_of(rows, object_ids)
+    xyz, box = points[on_object, :3].astype(np.float64), rows[row]
+    for at, column in (("", "points_in_box"), ("scan_", "points_in_scan_box")):
+        x, y, z = (xyz[:, i] - box[f"{at}{axis}"] for i, axis in enumerate("xyz"))
+        cos, sin = np.cos(box[f"{at}heading"]), np.sin(box[f"{at}heading"])
+        inside = np.abs(cos * x + sin * y) <= box["dx"] / 2 + MARGIN_M
+        inside &= np.abs(cos * y - sin * x) <= box["dy"] / 2 + MARGIN_M
+        inside &= np.abs(z) <= box["dz"] / 2 + MARGIN_M
+        out[column] = np.bincount(row[inside], minlength=len(rows))
+    return out
+
+
+def _rows_of(rows: AnyArray, object_ids: IntArray) -> tuple[IntArray, IntArray]:
+    """Returns the object row (m,) of each point on an object, and the indices (m,) of the points.
+
+    Ids of rows ascend.
+    """
+    if not len(rows):
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    row = np.searchsorted(rows["id"], object_ids).clip(max=len(rows) - 1)
+    on_object = np.flatnonzero(rows["id"][row] == object_ids)
+    return row[on_object], on_object

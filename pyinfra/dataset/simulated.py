@@ -84,7 +84,7 @@ def simulate(
     mount : name of the mount, if the scene has several; or a list of names, for one LiDAR at each
     fuse : whether to put the points of the mounts together, in the levelled frame of the first,
         with the `calibration_error` of each mount; `fields["mount"]` is then the index of the mount
-        of each point
+        of each point. Mounts with different clocks need `infrasim run`
     returns : a model of returns of your own: a function of the hits of a frame, records (n,) with
         x y z intensity, time_s, ring, class, echo and object_id, and of a NumPy random generator,
         which returns the records that become points, with any changes. It replaces the LiDAR's
@@ -169,15 +169,19 @@ def _at_mounts(
     threads: int | None,
 ) -> SimulatedFrames | dict[str, SimulatedFrames]:
     """Returns the frames of one LiDAR at several mounts, by mount or fused."""
-    from pyinfra.dataset.fused import error_of, fused
+    from pyinfra.dataset.fused import check_clocks, error_of, fused
 
     if not isinstance(mounts, (list, tuple)) or not mounts or len(set(mounts)) < len(mounts):
         raise Error(f"mount: expected a list of different mounts, got {mounts!r:.40}")
     if isinstance(lidar, (list, tuple)):
         raise Error(f"lidar: expected one LiDAR at several mounts, got {len(lidar)} LiDARs")
     given: Any = lidar
-    alone = {name: simulate(_world(scene, name), given, frames, threads=threads) for name in mounts}
+    alone = {
+        name: simulate(_world(scene, name), given, frames, returns=returns, threads=threads)
+        for name in mounts
+    }
     if not fuse:
         return alone
+    check_clocks({name: one.world for name, one in alone.items()})
     errors = [error_of(one.world, name) for name, one in alone.items()]
     return fused(list(alone.values()), errors=errors)

@@ -1,5 +1,7 @@
 """Python interface of the simulator. Its frames equal those of the `infrasim` binary exactly."""
 
+import json
+import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
@@ -272,12 +274,26 @@ def _assignments(set: Mapping[str, object] | None, seed: int | None) -> list[str
 
 
 def _yaml(value: object) -> str:
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
+    if value is None:
+        return "null"
+    if isinstance(value, float) and not math.isfinite(value):
+        return f"{value}".replace("inf", ".inf").replace("nan", ".nan")
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key}: {_yaml(v)}" for key, v in value.items()) + "}"
+        return "{" + ", ".join(f"{_text(str(k))}: {_yaml(v)}" for k, v in value.items()) + "}"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(_yaml(v) for v in value) + "]"
-    return str(value)
+    return _text(str(value))
+
+
+def _text(text: str) -> str:
+    """Returns a text in quotes if YAML would read another text. `{x_m: 1}` remains a map."""
+    try:
+        (read,) = yaml.safe_load(f"[{text}]")
+    except (yaml.YAMLError, ValueError):  # ValueError: a comma makes it several values
+        return json.dumps(text, ensure_ascii=False)
+    is_other = isinstance(read, (str, dict, list)) and read != text
+    return json.dumps(text, ensure_ascii=False) if is_other and text[0] not in "{['\"" else text

@@ -22,8 +22,11 @@ CENTRE = (8.4, 49.0)
 YS = (3.5, 0.0, -3.5, -6.0)
 
 
-def lanelets(file: Path, *, local: bool, turned: bool = False) -> Path:
-    """Writes a street along x with a lane each way; `turned`: all ways run the other way round."""
+def lanelets(
+    file: Path, *, local: bool, turned: bool = False, lows: frozenset[int] = frozenset()
+) -> Path:
+    """Writes a street along x with a lane each way; `turned`: all ways run the other way round.
+    Nodes of the ids `lows` have no height."""
     nodes, ways = [], []
     for k, y in enumerate(YS):
         refs = []
@@ -31,11 +34,11 @@ def lanelets(file: Path, *, local: bool, turned: bool = False) -> Path:
             name = 10 * (k + 1) + i
             lon = CENTRE[0] + math.degrees(x / 6.3781e6 / math.cos(math.radians(CENTRE[1])))
             lat = CENTRE[1] + math.degrees(y / 6.3656e6)
-            tags = f'<tag k="ele" v="{100 + 0.01 * x}"/>'
+            tags = "" if name in lows else f'<tag k="ele" v="{100 + 0.01 * x}"/>'
             if local:
-                lon, lat = 0.0, 0.0
                 tags += f'<tag k="local_x" v="{5000 + x}"/><tag k="local_y" v="{y - 700}"/>'
-            nodes.append(f'<node id="{name}" lon="{lon!r}" lat="{lat!r}">{tags}</node>')
+            place = 'lon="" lat=""' if local else f'lon="{lon!r}" lat="{lat!r}"'
+            nodes.append(f'<node id="{name}" {place}>{tags}</node>')
             refs.append(f'<nd ref="{name}"/>')
         ways.append(f'<way id="{k + 1}">{"".join(refs[:: -1 if turned else 1])}</way>')
     relations = "".join(
@@ -76,6 +79,36 @@ def test_lanelets_are_lanes_in_their_direction(local: bool, turned: bool, tmp_pa
     assert ("projection" in made.record) == (not local)
     assert [row["id"] for row in made.record["features"]["crossing"]] == ["lanelet 94"]
     assert made.record["not_understood"] == ["regulatory_element: not read, 1 in the file"]
+
+
+@pytest.mark.parametrize(
+    ("lows", "first_z", "words"),
+    [
+        ({11}, -1.0, "heights of 1 of 16 points: interpolated"),  # in the middle of a border
+        ({10}, -0.6, "heights of 1 of 16 points: interpolated"),  # at its end
+        ({10, 11, 12, 13}, 0.0, "heights of 12 of 16 points: left out"),
+    ],
+)
+def test_missing_heights_are_not_zero(
+    lows: set[int], first_z: float, words: str, tmp_path: Path
+) -> None:
+    file = lanelets(tmp_path / "a.osm", local=True, lows=frozenset(lows))
+    made = import_map(file, tmp_path / "site", ImportOptions(radius_m=300))
+    lane = read_lanes(tmp_path / "site/lanes.csv")["lanelet_91"]
+    profile = lane[np.argsort(lane[:, 0]), 2]
+    assert profile[0] == pytest.approx(first_z, abs=0.01)
+    assert np.abs(np.diff(profile)).max() < 0.1
+    assert words in made.record["guessed"][0]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_crossing_is_listed_at_its_middle(turned: bool, tmp_path: Path) -> None:
+    """The points of the borders, at x = -100, -20, 40 and 100, have another mean."""
+    file = lanelets(tmp_path / "a.osm", local=True, turned=turned)
+    made = import_map(file, tmp_path / "site", ImportOptions(radius_m=300))
+    (row,) = made.record["features"]["crossing"]
+    x, y, _ = made.record["offset_m"]
+    assert (row["x_m"] + x, row["y_m"] + y) == pytest.approx((5000, -700), abs=0.1)
 
 
 def test_the_test_file_is_in_metres() -> None:

@@ -218,6 +218,29 @@ def test_tracks_of_drones_have_no_heights(tmp_path: Path) -> None:
     assert track.states[-1, 0] - track.states[0, 0] == pytest.approx(40, abs=0.5)
 
 
+def test_tracks_of_drones_have_no_sizes_of_people(tmp_path: Path) -> None:
+    """In inD and its relatives, width and length of pedestrians and bicycles are 0."""
+    objects = ((0, 0.4, "1.8,4.5"), (1, 0.05, "0.0,0.0"), (2, 0.2, "0,0"))
+    rows = [
+        f"7,{i},{k},{20 + step * k},{9.0 * i},0.0,{size}\n"
+        for i, step, size in objects
+        for k in range(101)
+    ]
+    (tmp_path / "07_tracks.csv").write_text(
+        "recordingId,trackId,frame,xCenter,yCenter,heading,width,length\n" + "".join(rows)
+    )
+    (tmp_path / "07_tracksMeta.csv").write_text(
+        "recordingId,trackId,class\n7,0,car\n7,1,pedestrian\n7,2,bicycle\n"
+    )
+    of_class = {"car": "Car", "pedestrian": "Pedestrian", "bicycle": "Cyclist"}
+    how = BoxColumns({}, of_class, 25.0, True)
+    boxes = read_boxes(tmp_path / "07_tracks.csv", how)
+    imported = import_boxes(on_lanes(tmp_path, boxes, np.zeros(3))[0], np.zeros(3))
+    sizes = {track.object_class: track.size_m[:2].tolist() for track in imported.tracks}
+    assert sizes == {"Car": [4.5, 1.8], "Pedestrian": [0.73, 0.67], "Cyclist": [1.67, 0.7]}
+    assert any(note.startswith("sizes of 0 of 2 objects") for note in imported.notes)
+
+
 def test_sumo_writes_tables_with_semicolons(tmp_path: Path) -> None:
     file = tmp_path / "fcd.csv"
     file.write_text(
@@ -244,3 +267,74 @@ def test_a_section_of_one_side_does_not_end_the_lanes_of_the_other(tmp_path: Pat
     assert lengths[next(name for name in lanes if "left1" in name)] == 300
     borders = [float(lane.left[0, 1] - lane.right[0, 1]) for lane in lanes.values()]
     np.testing.assert_allclose(np.abs(borders), 3.5)
+
+
+@pytest.mark.parametrize("rule", ["", 'rule="LHT"'])
+def test_a_reversed_lane_runs_the_other_way(tmp_path: Path, rule: str) -> None:
+    """The attribute is of OpenDRIVE 1.8. SUMO does not know it, which the comparison names."""
+    pytest.importorskip("sumo", reason="needs the extra `site`")
+    file = xodr(tmp_path / "a.xodr", rule=rule)
+    usual = {x.name: x for x in read_opendrive(file).lanes}
+    text = file.read_text().replace('<lane id="1" ', '<lane id="1" direction="reversed" ')
+    file.write_text(text.replace('<lane id="-1" ', '<lane id="-1" direction="standard" '))
+    lanes = {x.name: x for x in read_opendrive(file).lanes}
+    name, other = "road1_0_left1", "road1_0_right1"
+    np.testing.assert_array_equal(lanes[name].left, usual[name].right[::-1])
+    np.testing.assert_array_equal(lanes[name].right, usual[name].left[::-1])
+    np.testing.assert_array_equal(lanes[other].left, usual[other].left)
+    notes = import_map(file, tmp_path / "site").record["not_understood"]
+    assert [note.startswith(f"lane {name}: runs {AGAINST}") for note in notes] == [True]
+
+
+def test_a_lane_ends_where_its_direction_changes(tmp_path: Path) -> None:
+    linked = LANE.replace("<width", '<link><successor id="1"/></link><width')
+    section = f'<left>{linked.format(1)}</left><center><lane id="0" type="none"/></center>'
+    text = xodr(tmp_path / "a.xodr").read_text()
+    first = text[text.index('<laneSection s="0">') : text.index("</lanes>")]
+    reversed_ = section.replace("<lane id", '<lane direction="reversed" id', 1)
+    sections = f'<laneSection s="0">{section}</laneSection>'
+    sections += f'<laneSection s="150">{reversed_}</laneSection>'
+    (tmp_path / "b.xodr").write_text(text.replace(first, sections))
+    assert [x.name for x in read_opendrive(tmp_path / "b.xodr").lanes] == [
+        "road1_0_left1",
+        "road1_1_left1",
+    ]
+
+
+BANK = '<lateralProfile><superelevation s="0" a="{}" b="0" c="0" d="0"/></lateralProfile><lanes>'
+
+
+@pytest.mark.parametrize(
+    ("words", "has_bank", "note"),
+    [
+        ('direction="both"', False, 'lane: direction="both": not read, 2 in the file'),
+        (
+            'dynamicLaneDirection="true"',
+            False,
+            "lane: dynamicLaneDirection: not read, 2 in the file",
+        ),
+        ('level="true"', True, "lane: level: not read, 2 in the file"),
+        ('level="true"', False, ""),  # without superelevation, all lanes are level
+        ('level="false" dynamicLaneDirection="false"', True, ""),
+    ],
+)
+def test_attributes_of_lanes_that_are_not_read_are_listed(
+    tmp_path: Path, words: str, has_bank: bool, note: str
+) -> None:
+    file = xodr(tmp_path / "a.xodr")
+    text = file.read_text().replace('type="driving"', f'type="driving" {words}')
+    file.write_text(text.replace("<lanes>", BANK.format(0.08)) if has_bank else text)
+    assert read_opendrive(file).not_understood == [note] * bool(note)
+
+
+@pytest.mark.parametrize(("width_m", "expected_m"), [("", 2.0), (3.5, 3.5)])
+def test_a_border_counts_only_without_widths(
+    tmp_path: Path, width_m: float | str, expected_m: float
+) -> None:
+    border = '<border sOffset="0" a="-2" b="0" c="0" d="0"/>'
+    width = f'<width sOffset="0" a="{width_m}" b="0" c="0" d="0"/>' if width_m else ""
+    lane = f'<lane id="-1" type="driving">{border}{width}</lane>'
+    file = xodr(tmp_path / "a.xodr")
+    file.write_text(file.read_text().replace(LANE.format(-1), lane))
+    right = next(x for x in read_opendrive(file).lanes if x.name == "road1_0_right1")
+    np.testing.assert_allclose(right.width, expected_m)

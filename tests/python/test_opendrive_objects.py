@@ -69,6 +69,17 @@ def test_cubics_of_either_parameter_have_one_speed(tmp_path: Path, range_: str) 
     np.testing.assert_allclose(np.sort(inner[[0, -1]], axis=0)[1], line[-1], atol=1e-6)
 
 
+def test_a_cubic_of_u_ends_at_its_length(tmp_path: Path) -> None:
+    """v = 0.005 u^2 has a length of 60 m at u = 57.04, where the next geometry starts."""
+    shape = '<poly3 a="0" b="0" c="0.005" d="0"/>'
+    line = next(x for x in read(tmp_path, "", shape=shape, length=60).lanes if "left1" in x.name)
+    inner = line.left[:, :2]  # the reference line
+    end = inner[np.argmax(inner[:, 0])]
+    np.testing.assert_allclose(end, (57.0423, 0.005 * 57.0423**2), atol=1e-3)
+    steps = np.hypot(*np.diff(inner, axis=0).T)
+    np.testing.assert_allclose(steps, 1, atol=1e-3)
+
+
 @pytest.mark.parametrize(("stated", "names"), [(100, 0), (100.5, 0), (2000, 1), (40, 1)])
 def test_a_length_that_is_not_that_of_the_geometry_is_named(
     tmp_path: Path, stated: float, names: int

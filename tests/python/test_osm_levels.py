@@ -115,8 +115,30 @@ def test_a_bridge_without_room_for_ramps_is_named(tmp_path: Path) -> None:
     levels = levels_of(tmp_path, osm.text())
     for name, z in levels.heights.items():
         assert abs(z) <= CLEARANCE_M + 0.01, name
-    with_heights = re.sub(r'(<node id="1"[^>]*>)', r'\1<tag k="ele" v="3"/>', osm.text())
+    with_heights = re.sub(r"(<node [^>]*>)", r'\1<tag k="ele" v="3"/>', osm.text())
     assert "way 2 (bridge, layer) crosses above way 1" in levels_of(tmp_path, with_heights).flat[0]
+
+
+@pytest.mark.parametrize("first", ["432", "about 430", "432 m"])
+def test_heights_of_some_nodes_make_no_hill(tmp_path: Path, first: str) -> None:
+    """A node without a height is at z = 0 for SUMO, and the bridge is lifted as without heights."""
+    text = re.sub(r'(<node id="3"[^>]*>)', rf'\1<tag k="ele" v="{first}"/>', crossroads(BRIDGE))
+    (tmp_path / "a.osm").write_text(text)
+    record = import_map(tmp_path / "a.osm", tmp_path / "s", ImportOptions(CENTRE, 350)).record
+    lanes = read_lanes(tmp_path / "s/lanes.csv").values()
+    assert max(lane[:, 2].max() for lane in lanes) == pytest.approx(6, abs=0.05)
+    notes = " ".join(record["not_understood"])
+    is_named = "heights (`ele`) of 1 of 7 nodes of roads: left out" in notes
+    assert is_named == first.startswith("432")
+
+
+def test_heights_of_all_nodes_are_kept(tmp_path: Path) -> None:
+    text = re.sub(r"(<node [^>]*>)", r'\1<tag k="ele" v="432"/>', crossroads({}))
+    (tmp_path / "a.osm").write_text(text)
+    record = import_map(tmp_path / "a.osm", tmp_path / "s", ImportOptions(CENTRE, 350)).record
+    lanes = read_lanes(tmp_path / "s/lanes.csv").values()
+    np.testing.assert_allclose(np.concatenate(list(lanes))[:, 2], 432)
+    assert record["not_understood"] == []
 
 
 @pytest.mark.parametrize("same_place", [False, True])

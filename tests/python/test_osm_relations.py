@@ -13,7 +13,7 @@ from pyinfra.scenes.maps.lane_map import MapBody, SiteMap
 from pyinfra.scenes.maps.map_import import import_map
 from pyinfra.scenes.maps.map_readers import ImportOptions
 from pyinfra.scenes.maps.network import read_network
-from pyinfra.scenes.maps.openstreetmap import Multipolygon, StreetMap
+from pyinfra.scenes.maps.openstreetmap import Multipolygon, StreetMap, read_street_map
 from pyinfra.scenes.maps.osm_buildings import add_surroundings
 from pyinfra.scenes.maps.osm_relations import with_holes
 from pyinfra.scenes.maps.surfaces import Sheet, body, contains, ears
@@ -113,10 +113,87 @@ def test_a_way_of_a_multipolygon_is_no_second_building() -> None:
     assert [thing.name for thing in site.bodies] == ["relation 9: building"]
 
 
-def street(folder: Path, tags: dict[str, str], side: Literal["left", "right"] | None = None):
-    """Imports a street along x; returns the folder of the site and the notes."""
+def read(osm: Osm, relations: str, folder: Path) -> SiteMap:
+    """Returns the surroundings of a street, the ways of `osm`, and relations in XML."""
+    osm.way([osm.node(-100, -90), osm.node(100, -90)], highway="residential")
+    file = folder / "a.osm"
+    file.write_text(osm.text().replace("</osm>", f"{relations}</osm>"))
+    site = SiteMap()
+    add_surroundings(site, read_street_map(file), CENTRE, 500)
+    return site
+
+
+def relation(members: list[tuple[str, int, str]], **tags: str) -> str:
+    inner = "".join(f'<member type="{m[0]}" ref="{m[1]}" role="{m[2]}"/>' for m in members)
+    words = "".join(f'<tag k="{k}" v="{v}"/>' for k, v in tags.items())
+    return f'<relation id="9">{inner}{words}</relation>'
+
+
+def ring(osm: Osm, half: float, **tags: str) -> None:
+    nodes = [osm.node(x, y) for x, y in square(half)[:-1].tolist()]
+    osm.way([*nodes, nodes[0]], **tags)
+
+
+def test_a_building_in_a_courtyard_is_built(tmp_path: Path) -> None:
+    """Its way is both the inner outline of a multipolygon and a building of its own."""
     osm = Osm(*CENTRE)
-    osm.way([osm.node(-100, 0), osm.node(100, 0)], **{"highway": "residential", **tags})
+    ring(osm, 20)
+    ring(osm, 8, building="yes", height="25")
+    tags = {"type": "multipolygon", "building": "yes", "height": "9"}
+    site = read(osm, relation([("way", 1, "outer"), ("way", 2, "inner")], **tags), tmp_path)
+    heights = {thing.name: thing.height_m for thing in site.bodies}
+    assert heights == {"way 2: building": 25, "relation 9: building": 9}
+    assert site.not_understood == []
+
+
+@pytest.mark.parametrize(
+    ("tags", "name", "height_m"),
+    [
+        ({"building": "yes", "height": "25"}, "way 1: building", 25),
+        ({}, "relation 9: building", 9),
+    ],
+)
+def test_a_relation_of_type_building_is_its_outline(
+    tags: dict[str, str], name: str, height_m: float, tmp_path: Path
+) -> None:
+    osm = Osm(*CENTRE)
+    ring(osm, 20, **tags)
+    ring(osm, 8, building__part="yes", height="30")
+    of_relation = {"type": "building", "building": "yes", "height": "9"}
+    members = [("way", 1, "outline"), ("way", 2, "part")]
+    site = read(osm, relation(members, **of_relation), tmp_path)
+    assert [(thing.name, thing.height_m) for thing in site.bodies] == [(name, height_m)]
+    assert site.not_understood == []
+
+
+def test_members_that_are_no_ways_hide_no_building(tmp_path: Path) -> None:
+    """Nodes and relations have ids of their own, which may equal that of a way."""
+    osm = Osm(*CENTRE)
+    ring(osm, 20, building="yes")
+    ring(osm, 30)
+    tags = {"type": "multipolygon", "building": "yes"}
+    members = [("way", 2, "outer"), ("node", 1, ""), ("relation", 1, "outer")]
+    site = read(osm, relation(members, **tags), tmp_path)
+    assert [thing.name for thing in site.bodies] == ["way 1: building", "relation 9: building"]
+    assert site.not_understood == []
+
+
+def street(
+    folder: Path,
+    tags: dict[str, str],
+    side: Literal["left", "right"] | None = None,
+    crossed: bool = False,
+):
+    """Imports a street along x; returns the folder of the site and the notes.
+
+    crossed: whether another street crosses it, so that netconvert splits it.
+    """
+    osm = Osm(*CENTRE)
+    nodes = [osm.node(-100, 0), osm.node(100, 0)]
+    if crossed:
+        nodes.insert(1, osm.node(0, 0))
+        osm.way([osm.node(0, -100), nodes[1], osm.node(0, 100)], highway="residential", lanes="2")
+    osm.way(nodes, **{"highway": "residential", **tags})
     folder.mkdir(exist_ok=True)
     (folder / "a.osm").write_text(osm.text())
     options = ImportOptions(CENTRE, 300, traffic_side=side)
@@ -148,11 +225,12 @@ def street(folder: Path, tags: dict[str, str], side: Literal["left", "right"] | 
         ({"lanes": "4", "bus__lanes__forward": "designated|"}, "a bus lane (bus:lanes:forward)"),
     ],
 )
+@pytest.mark.parametrize("crossed", [False, True])
 def test_lanes_that_the_network_has_otherwise_are_named(
-    tags: dict[str, str], words: str, tmp_path: Path
+    tags: dict[str, str], words: str, crossed: bool, tmp_path: Path
 ) -> None:
     pytest.importorskip("sumo", reason="needs the extra `site`")
-    _, notes = street(tmp_path, tags)
+    _, notes = street(tmp_path, tags, crossed=crossed)
     assert len(notes) == bool(words), notes
     assert all(words in note for note in notes)
 

@@ -12,7 +12,9 @@ import pytest
 import yaml
 
 import pyinfra as pi
+from pyinfra.dataset.catalogue import scene_file
 from pyinfra.dataset.runs import infrasim
+from pyinfra.formats.ply import Triangles, write_ply
 
 ROOT = Path(__file__).resolve().parents[2]
 SHORT = {"duration_s": 6, "traffic.warm_up_s": 20}
@@ -279,6 +281,29 @@ def test_an_own_model_of_returns_decides_what_becomes_a_point() -> None:
         _ = pi.simulate(scene, "helios_16", [0], returns=lambda hits, rng: 3)[0].points
 
 
+def test_an_own_model_of_returns_applies_at_each_mount() -> None:
+    def few(hits: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        return hits[:5]
+
+    both = ["west", "east"]
+    alone = pi.simulate("crossroad_poles", "helios_16", [0], mount=both, returns=few)
+    assert [len(one[0].points) for one in alone.values()] == [5, 5]
+    fused = pi.simulate("crossroad_poles", "helios_16", [0], mount=both, fuse=True, returns=few)
+    assert fused[0].fields["mount"].tolist() == [0] * 5 + [1] * 5
+
+
+def test_counts_of_an_own_model_of_returns_can_be_saved(tmp_path: Path) -> None:
+    """No object has more points in its box than points, so that the data set can be read."""
+
+    def half(hits: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        return hits[::2]
+
+    scene = pi.load_scene("highway", seed=1, set=SHORT)
+    frames = pi.simulate(scene, "helios_16", [0], returns=half)
+    saved = pi.load_dataset(frames.save(tmp_path / "data"))["helios_16"]
+    pd.testing.assert_series_equal(saved.objects.points, frames.objects.points)
+
+
 def test_an_own_mesh_hides_what_is_behind_it() -> None:
     corners = np.array([[10, -20, 0], [10, 20, 0], [10, 20, 9], [10, -20, 9]], float)
     pole = pi.load_scene("highway", seed=1, set=SHORT)
@@ -290,6 +315,42 @@ def test_an_own_mesh_hides_what_is_behind_it() -> None:
     assert behind[1] < behind[0] / 2
     with pytest.raises(pi.Error, match="meshes: expected faces"):
         pi.load_scene("highway", meshes=[("structure", corners, [0, 1])])
+
+
+@pytest.mark.parametrize("folder", ["plain", "a, b", "a #b", "a: b", "it's {old}"])
+def test_a_scene_with_meshes_takes_further_ones(
+    folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    corners, faces = np.add([30, 30, 0], np.eye(3)), [[0, 1, 2]]
+    (tmp_path / folder).mkdir()
+    write_ply(tmp_path / folder / "own.ply", Triangles(corners, np.array(faces)))
+    keys = {"meshes": [{"file": "own.ply", "material": "structure"}]}
+    text = scene_file("highway").read_text() + yaml.safe_dump(keys)
+    (tmp_path / folder / "site.yaml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    for file in (f"{folder}/site.yaml", tmp_path / folder / "site.yaml"):
+        scene = pi.load_scene(file, set=SHORT, meshes=[("structure", corners, faces)])
+        first, second = yaml.safe_load(scene.dump())["meshes"]
+        assert Path(first["file"]) == tmp_path / folder / "own.ply"
+        assert Path(second["file"]).is_file()
+
+
+@pytest.mark.parametrize("name", ["a, b", "a #b", "a: b", "a}", "a\\b", "ä 1"])
+def test_a_set_text_is_kept(name: str) -> None:
+    assert yaml.safe_load(pi.load_scene("highway", set={"name": name}).dump())["name"] == name
+
+
+def test_set_values_may_be_yaml_or_infinite() -> None:
+    changes = {
+        "traffic.speed": "{mean_km_h: 50}",
+        "weather.visibility_m": np.float64("inf"),
+        "duration_s": "3",
+        "name": "'quoted'",
+    }
+    keys = yaml.safe_load(pi.load_scene("highway", set=changes).dump())
+    assert keys["traffic"]["speed"]["mean_km_h"] == 50
+    assert keys["weather"]["visibility_m"] == np.inf
+    assert (keys["duration_s"], keys["name"]) == (3, "quoted")
 
 
 def test_results_of_nuscenes_are_detections(frames: pi.FrameSequence, tmp_path: Path) -> None:

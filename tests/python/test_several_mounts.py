@@ -13,6 +13,7 @@ import yaml
 from conftest import ROOT, Infrasim
 from message_pattern import pattern
 
+import pyinfra as pi
 from pyinfra.core.boxes import points_in_box
 from pyinfra.dataset.data_set import field_of_view_mask, read_data_set
 from pyinfra.dataset.frame_readers import read_vehicles
@@ -275,6 +276,53 @@ def test_an_error_of_calibration_moves_fused_points_alone(runs: Runs, digests: D
     np.testing.assert_allclose(clouds[1][seen:], to_first(levelled, assumed), atol=2e-5)
     boxes = [frame_of(out / "fused")[2].boxes for out in (right, off)]
     np.testing.assert_array_equal(*boxes)
+
+
+POLES = ("west", "east", "north")
+
+
+@pytest.mark.parametrize(("max_range_m", "echo"), [(180, None), (40, "dual")])
+def test_fused_objects_of_python_are_those_of_the_run(
+    infrasim: Infrasim, tmp_path: Path, max_range_m: float, echo: str | None
+) -> None:
+    """All columns are equal, also with wrong poses, and for objects beyond the first LiDAR's range.
+    The run rounds them as `save` does."""
+    scene = yaml.safe_load((ROOT / "configs/scenes/crossroad_poles.yaml").read_text())
+    scene["mounts"] = {mount: scene["mounts"][mount] for mount in POLES}
+    scene["mounts"]["west"]["calibration_error"] = {"x_m": 0.3, "pitch_deg": 0.5}
+    scene["mounts"]["east"]["calibration_error"] = {"yaw_deg": 1, "y_m": 0.2, "roll_deg": 0.3}
+    (file := tmp_path / "poles.yaml").write_text(yaml.safe_dump(scene, sort_keys=False))
+    keys = yaml.safe_load((ROOT / "configs/lidars/helios_16.yaml").read_text())
+    keys["presets"]["datasheet"]["returns"]["max_range_m"] = max_range_m
+    keys["presets"]["datasheet"]["pattern"]["spinning"]["channels"]["file"] = str(
+        ROOT / "configs/lidars/channels/robosense_helios_16.csv"
+    )
+    (lidar := tmp_path / "helios_16.yaml").write_text(yaml.safe_dump(keys))
+    words = ["--fuse", "--fields", "--frames", "100:102", *(["--echo", echo] if echo else [])]
+    infrasim("run", file, "--lidar", lidar, *words, "--out", tmp_path / "run", check=True)
+    unit = pi.load_lidar(lidar, echo=echo)
+    frames = pi.simulate(file, unit, [100, 101], mount=list(POLES), fuse=True)
+    saved = frames.save(tmp_path / "saved/poles")
+    for k in frames.numbers:
+        ours, theirs = (
+            pd.read_csv(kitti.frame_file(folder / "helios_16", "objects", k))
+            for folder in (saved, tmp_path / "run/fused")
+        )
+        assert (ours.points_in_box < ours.points).any()
+        assert (ours.points_in_scan_box > ours.points_in_box).any()
+        assert (ours.distance > max_range_m).any()
+        pd.testing.assert_frame_equal(ours, theirs)
+
+
+def test_fused_frames_of_python_refuse_different_clocks(tmp_path: Path) -> None:
+    scene = pi.load_scene("crossroad_poles", mount="west", set={"mounts.east.clock_offset_s": 0.1})
+    alone = pi.simulate(scene, "helios_16", [0], mount=["west", "east"])
+    assert sorted(alone) == ["east", "west"]
+    with pytest.raises(pi.Error, match=r"mounts\.east\.clock_offset_s: expected 0 .* got 0\.1"):
+        pi.simulate(scene, "helios_16", [0], mount=["west", "east"], fuse=True)
+    late = {f"mounts.{name}.clock_offset_s": 0.1 for name in POLES}
+    same = pi.load_scene("crossroad_poles", mount="west", set=late)
+    assert len(pi.simulate(same, "helios_16", [0], mount=list(POLES), fuse=True)[0].points)
 
 
 def test_a_fused_data_set_says_where_its_sensors_are(runs: Runs) -> None:

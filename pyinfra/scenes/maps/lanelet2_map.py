@@ -4,8 +4,10 @@ Positions are the tags `local_x` and `local_y` in metres if all points have them
 latitude; `ele` is the height. A map has no network for SUMO, so that traffic has to be recorded.
 """
 
+import itertools
 import math
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -62,6 +64,7 @@ def read_lanelets(
             centre = (float((low + high)[0] / 2), float((low + high)[1] / 2))
         plane = transverse_mercator(places, centre or (0.0, 0.0))
         xy = dict(zip(used, map(tuple, plane.tolist()), strict=True))
+    site_map.guessed += _fill_heights(content, xy)
     points = {n: np.array([*xy[n], content.heights.get(n, 0.0)]) for n in used}
     for name, *borders, tags in content.lanelets:
         left, right = (_border(content, points, ways) for ways in borders)
@@ -76,6 +79,32 @@ def read_lanelets(
     if not content.heights:
         site_map.guessed.append("all roads are level: the map has no heights")
     return site_map, centre
+
+
+def _fill_heights(content: LaneletFile, xy: Mapping[str, tuple[float, float]]) -> list[str]:
+    """Interpolates missing heights along the borders, and returns texts about them.
+
+    If the height of a point remains unknown, all heights are removed.
+    """
+    ways = {way for _, left, right, _ in content.lanelets for way in (*left, *right)}
+    borders = [[n for n in content.ways.get(way, ()) if n in xy] for way in sorted(ways)]
+    used = {n for names in borders for n in names}
+    missing = used - content.heights.keys()
+    if not missing or not content.heights:
+        return []
+    for names in borders:
+        steps = [math.dist(xy[a], xy[b]) for a, b in itertools.pairwise(names)]
+        s = np.concatenate([[0.0], np.cumsum(steps)])
+        known = [i for i, n in enumerate(names) if n in content.heights]
+        if known and missing.intersection(names):
+            heights = np.interp(s, s[known], [content.heights[names[i]] for i in known])
+            for n, z in zip(names, heights.tolist(), strict=True):
+                content.heights.setdefault(n, z)
+    if used <= content.heights.keys():
+        return [f"heights of {len(missing)} of {len(used)} points: interpolated along the borders"]
+    content.heights.clear()
+    count = len(used) - len(missing)
+    return [f"heights of {count} of {len(used)} points: left out, because others have none"]
 
 
 def _read_element(element: Element, content: LaneletFile) -> None:
@@ -122,7 +151,7 @@ def _add(
     left, right = _directed(left, right)
     subtype = tags.get("subtype", "road")
     if subtype == "crosswalk":
-        x, y, _ = ((left + right[:1]).mean(0) / 2).tolist()
+        x, y, _ = np.concatenate([_even(left, 3), _even(right, 3)]).mean(0).tolist()
         site_map.features.append(MapFeature("crossing", f"lanelet {name}", x, y))
         return
     count = min(max(math.ceil(max(map(_length, (left, right))) / STEP_M), 1), MOST_STEPS) + 1

@@ -100,7 +100,8 @@ def _from_osm(
     side = options.traffic_side or streets.traffic_side()
     swapped = side == "left" and osm_lanes.has_sides(streets)
     source = file
-    if levels.heights or streets.deleted or streets.rearranged or swapped:
+    changed = streets.deleted or streets.rearranged or streets.ignores_heights
+    if levels.heights or changed or swapped:
         source = scratch / "levelled.osm"
         osm_levels.write_levelled(file, source, streets, levels, swapped=swapped)
     lon, lat = centre
@@ -138,7 +139,8 @@ def _from_osm(
             f"{osm_levels.CLEARANCE_M:g} m apart, with ramps"
         )
     elif not any(np.ptp(lane.centre[:, 2]) > 0 for lane in site_map.lanes):
-        site_map.guessed.append("all roads are level: the map has no heights")
+        why = "only some of its nodes have" if streets.ignores_heights else "the map has no"
+        site_map.guessed.append(f"all roads are level: {why} heights")
     if streets.deleted:
         site_map.guessed.append(
             f"{streets.deleted} elements marked as deleted by an editor: left out"

@@ -139,6 +139,7 @@ class Piece:
     inner: FloatArray  # (n, 3)
     outer: FloatArray  # (n, 3)
     successor: int | None
+    is_reversed: bool  # whether traffic runs against the usual direction of the side (1.8)
 
 
 def _holds(section: Element, side: str) -> bool:
@@ -164,7 +165,8 @@ def _pieces(
                 f"road {road.id}: lane {lane.get('id')}: width: expected 0 or more, got "
                 f"{across.min():.3g} m at s = {at:.1f}"
             )
-        t = border.at(s) if len(border.starts) else inner + sign * across.clip(0)
+        has_border = len(border.starts) > 0 and not len(width.starts)
+        t = border.at(s) if has_border else inner + sign * across.clip(0)
         pieces.append(
             Piece(
                 _lane_id(road, lane),
@@ -173,6 +175,7 @@ def _pieces(
                 road.positions(s, inner),
                 road.positions(s, t),
                 _successor(lane),
+                lane.get("direction") == "reversed",
             )
         )
         inner = t
@@ -208,7 +211,7 @@ def _samples(road: OpenDriveRoad, cubics: list[Cubics], start: float, end: float
 
 
 def _joined(pieces: dict[tuple[int, int], Piece]) -> Iterator[tuple[int, list[Piece]]]:
-    """Joins the pieces of lanes that continue with the same type and kerb in the next section.
+    """Joins the pieces of lanes that continue with the same type, kerb and direction.
 
     Yields the number of the first section, and the pieces, of each lane.
     """
@@ -220,13 +223,17 @@ def _joined(pieces: dict[tuple[int, int], Piece]) -> Iterator[tuple[int, list[Pi
         last = i
         while chain[-1].successor is not None:
             after = remaining.get((last + 1, chain[-1].successor))
-            if after is None or (after.type, after.kerb_m) != (chain[-1].type, chain[-1].kerb_m):
+            if after is None or _kind(after) != _kind(chain[-1]):
                 break
             if np.abs(after.inner[0] - chain[-1].inner[-1]).max() > 0.01:
                 break
             chain.append(remaining.pop((last + 1, chain[-1].successor)))
             last += 1
         yield i, chain
+
+
+def _kind(piece: Piece) -> tuple[str, float, bool]:
+    return piece.type, piece.kerb_m, piece.is_reversed
 
 
 def _add_lane(
@@ -237,7 +244,7 @@ def _add_lane(
     inner = np.concatenate([first.inner, *(p.inner[1:] for p in chain[1:])])
     outer = np.concatenate([first.outer, *(p.outer[1:] for p in chain[1:])])
     left, right = (outer, inner) if first.id > 0 else (inner, outer)
-    if (first.id > 0) != left_hand:  # traffic runs against the reference line
+    if (first.id > 0) ^ left_hand ^ first.is_reversed:  # traffic against the reference line
         left, right = right[::-1], left[::-1]
     if np.hypot(*(left - right)[:, :2].T).max() < 0.01:
         return

@@ -147,9 +147,8 @@ def _piece(node: Element, road: str | None) -> Line:
     if shape.tag == "spiral":
         return _spiral(number(shape, "curvStart"), number(shape, "curvEnd"), max(length, 1e-9))
     if shape.tag == "poly3":
-        return _along(
-            {"aV": [number(shape, k) for k in "abcd"], "aU": [0, 1, 0, 0]}, length, length
-        )
+        # The curve ends at the arc length, where u is smaller.
+        return _along({"aV": [number(shape, k) for k in "abcd"], "aU": [0, 1, 0, 0]}, length)
     if shape.tag == "paramPoly3":
         sides = {f"a{k}": [number(shape, f"{c}{k}", 0.0) for c in "abcd"] for k in "UV"}
         return _along(sides, length if shape.get("pRange") == "arcLength" else 1.0, length)

@@ -1,6 +1,7 @@
-"""Counts the elements of an OpenDRIVE file that neither the importer nor netconvert uses."""
+"""Counts what neither the importer nor netconvert uses of an OpenDRIVE file."""
 
 from collections import Counter
+from collections.abc import Iterator
 from xml.etree.ElementTree import Element
 
 _LANE = "link width border height speed access"
@@ -34,6 +35,7 @@ _READ = {
 }  # maps an element to its children that are read or reported elsewhere
 # Elements that are reported without their children.
 _LISTED = frozenset({"objectReference", "tunnel", "bridge", "surface", "railroad"})
+_TRUE = ("true", "1")
 _ANYWHERE = frozenset({"userData", "include", "dataQuality"})  # allowed in every element
 _CHILDREN = {parent: frozenset(tags.split()) for parent, tags in _READ.items()}
 
@@ -41,11 +43,24 @@ _CHILDREN = {parent: frozenset(tags.split()) for parent, tags in _READ.items()}
 def unread_elements(root: Element) -> list[str]:
     """Returns a text for each kind of unread element, with its count.
 
-    Elements inside an unread element are not counted separately.
+    Elements inside an unread element are not counted separately. Attributes of lanes count if they
+    change the lane.
     """
     counts = Counter[str]()
     _count(root, "", counts)
+    for road in root.iterfind("road"):
+        for lane in road.iterfind("lanes/laneSection/*/lane"):
+            counts += Counter(_unread_attributes(lane, road.find("lateralProfile/*") is not None))
     return [f"{kind}: not read, {count} in the file" for kind, count in sorted(counts.items())]
+
+
+def _unread_attributes(lane: Element, is_inclined: bool) -> Iterator[str]:
+    if lane.get("direction") == "both":
+        yield 'lane: direction="both"'
+    if lane.get("dynamicLaneDirection") in _TRUE:
+        yield "lane: dynamicLaneDirection"
+    if lane.get("level") in _TRUE and is_inclined:
+        yield "lane: level"
 
 
 def _count(node: Element, parent: str, counts: Counter[str]) -> None:

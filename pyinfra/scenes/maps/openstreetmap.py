@@ -70,7 +70,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Multipolygon:
-    """A building of several ways. `members` are ids of ways with their roles."""
+    """A building of one or more ways. `members` are ids of ways with their roles."""
 
     id: str
     members: list[tuple[str, str]]
@@ -92,7 +92,8 @@ class StreetMap:
     things: list[tuple[str, dict[str, str]]] = field(default_factory=list)
     lines: list[Way] = field(default_factory=list)  # platforms
     others: list[str] = field(default_factory=list)  # texts about ignored elements
-    with_heights: set[str] = field(default_factory=set)  # ids of nodes with the tag `ele`
+    with_heights: set[str] = field(default_factory=set)  # ids of nodes with a number as `ele`
+    ignores_heights: bool = False  # whether only some nodes of the ways have heights
     lanelets: int = 0  # number of relations of Lanelet2
     deleted: int = 0  # number of elements marked as deleted
     # Whether nodes come after or inside ways, as in some files of Overpass.
@@ -163,7 +164,21 @@ def read_street_map(file: Path) -> StreetMap:
         raise MapError(
             f"{file}: expected ways with the tag `highway` whose nodes have positions, got none"
         )
+    _drop_partial_heights(street_map)
     return street_map
+
+
+def _drop_partial_heights(street_map: StreetMap) -> None:
+    """Ignores heights if a node of a way has none: its height would be 0."""
+    used = {i for way in street_map.ways for i in way.nodes if i in street_map.nodes}
+    count = len(used & street_map.with_heights)
+    if 0 < count < len(used):
+        street_map.ignores_heights = True
+        street_map.with_heights.clear()
+        street_map.others.append(
+            f"heights (`ele`) of {count} of {len(used)} nodes of roads: left out, because the "
+            "other nodes have none"
+        )
 
 
 def all_elements(file: Path) -> Iterator[Element]:
@@ -194,9 +209,11 @@ def _read_element(node: Element, street_map: StreetMap, file: Path) -> None:
     if node.tag == "node":
         if node.get("lon") is None and node.get("lat") is None:
             return  # the position of a referenced node is missing
+        if node.get("lon") == node.get("lat") == "" and {"local_x", "local_y"} <= tags.keys():
+            return  # a node of Lanelet2 in metres
         street_map.nodes[name] = _lon_lat(node, file)
         street_map.rearranged |= bool(street_map.ways)
-        if "ele" in tags:
+        if re.match(r"\s*[+-]?\.?\d", tags.get("ele", "")):
             street_map.with_heights.add(name)
         if tags.get("natural") == "tree":
             street_map.trees.append((name, tags))
@@ -224,9 +241,12 @@ def _read_element(node: Element, street_map: StreetMap, file: Path) -> None:
     elif tags.get("type") == "lanelet":
         street_map.lanelets += 1
     elif tags.get("building", "no") != "no":
-        members = [(m.get("ref", ""), m.get("role", "")) for m in node.iterfind("member")]
-        members = [(ref, role or "outer") for ref, role in members]
-        street_map.multipolygons.append(Multipolygon(name, members, tags))
+        found = [(m.get("type", "way"), m) for m in node.iterfind("member")]
+        members = [
+            (m.get("ref", ""), m.get("role") or "outer") for kind, m in found if kind == "way"
+        ]
+        if not any(kind == "relation" and m.get("role") == "outline" for kind, m in found):
+            street_map.multipolygons.append(Multipolygon(name, members, tags))
 
 
 def is_deleted(node: Element) -> bool:

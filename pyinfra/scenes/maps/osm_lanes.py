@@ -14,7 +14,7 @@ from pyinfra.scenes.maps.openstreetmap import StreetMap, Way
 
 MOST_LISTED = 50
 SIDED = re.compile(r"(sidewalk|cycleway|busway|footway)(:|$)")
-LANE = re.compile(r"lane_(-?)(\d+)((?:#\d+)?)_\d+")
+LANE = re.compile(r"lane_(-?)(\d+)((?:_\d+)?)_\d+")  # direction, way, part of the way, lane
 BUS_LANES = re.compile(r"(lanes:(bus|psv)|(bus|psv):lanes|busway)(:|$)")
 
 

@@ -112,6 +112,9 @@ def write_levelled(
         stream.write('<?xml version="1.0" encoding="UTF-8"?>\n<osm version="0.6">\n')
         for element in _kept(file, {"node"}):
             written.add(element.get("id", ""))
+            if map_.ignores_heights:
+                for tag in element.findall("tag[@k='ele']"):
+                    element.remove(tag)
             height = levels.heights.get(element.get("id", ""))
             if height is not None or (element.get("lon"), element.get("lat")) not in taken:
                 _place(element, taken)

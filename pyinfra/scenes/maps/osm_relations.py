@@ -1,7 +1,8 @@
 """Buildings of OpenStreetMap as rings: a way, or a multipolygon with several outlines and holes.
 
 Follows the public description of relations of type `multipolygon`: members with the role `outer` or
-`inner` are ways, which alone or together form closed rings.
+`inner` are ways, which alone or together form closed rings. A relation of type `building` has an
+`outline`, which usually is a building of its own.
 """
 
 from collections.abc import Iterator, Sequence
@@ -10,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.scenes.maps.openstreetmap import StreetMap
+from pyinfra.scenes.maps.openstreetmap import Multipolygon, StreetMap
 from pyinfra.scenes.maps.surfaces import contains, crosses_itself, side_of, signed_area
 
 
@@ -27,34 +28,46 @@ class Building:
 def buildings(map_: StreetMap) -> Iterator[Building | str]:
     """Yields the buildings of ways and multipolygons, or a text for one that is left out.
 
-    A way that is an outline of a multipolygon is not yielded twice.
+    A way that is an outline of a multipolygon is not yielded twice. A way around a courtyard may
+    be a building of its own, which fills the courtyard.
     """
-    members = {ref for relation in map_.multipolygons for ref, _ in relation.members}
+    houses = {name for name, _, _ in map_.houses}
+    relations = [
+        r
+        for r in map_.multipolygons
+        if r.tags.get("type") != "building" or houses.isdisjoint(_outlines(r))
+    ]
+    outlines = {ref for relation in relations for ref in _outlines(relation)}
     for name, nodes, tags in map_.houses:
-        if name not in members:
+        if name not in outlines:
             is_closed = len(nodes) > 1 and nodes[0] == nodes[-1]
             yield Building(f"way {name}", nodes[:-1] if is_closed else nodes, tags)
-    for relation in map_.multipolygons:
+    for relation in relations:
         source = f"relation {relation.id}"
-        rings = {
-            role: _rings([map_.outlines.get(r, []) for r, kind in relation.members if kind == role])
-            for role in ("outer", "inner")
-        }
-        if not rings["outer"]:
+        inner = [ref for ref, role in relation.members if role == "inner"]
+        outer_rings, inner_rings = (
+            _rings([map_.outlines.get(ref, []) for ref in refs])
+            for refs in (_outlines(relation), inner)
+        )
+        if not outer_rings:
             yield f"{source}: building without a closed outline, left out"
             continue
-        for nodes in rings["outer"]:
+        for nodes in outer_rings:
             if not all(node in map_.nodes for node in nodes):
                 yield f"{source}: building with missing nodes, left out"
                 continue
             outline = np.array([map_.nodes[node] for node in nodes])
             holes = [
                 hole
-                for hole in rings["inner"]
+                for hole in inner_rings
                 if all(node in map_.nodes for node in hole)
                 and contains(outline, np.array([map_.nodes[hole[0]]]))[0]
             ]
             yield Building(source, nodes, relation.tags, holes)
+
+
+def _outlines(relation: Multipolygon) -> list[str]:
+    return [ref for ref, role in relation.members if role in ("outer", "outline")]
 
 
 def with_holes(outline: FloatArray, holes: Sequence[FloatArray]) -> FloatArray:

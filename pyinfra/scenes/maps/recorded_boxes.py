@@ -1,13 +1,13 @@
 """Reads recorded boxes from a CSV file with any column names, or from the labels of frames."""
 
 import shlex
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.arrays import FloatArray
+from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.dataset.frame_readers import read_cameras
 from pyinfra.dataset.world_frame import boxes_to_world
@@ -60,6 +60,7 @@ class BoxTrack:
     object_class: str
     times: FloatArray
     boxes: FloatArray
+    has_mean_size: bool = False  # whether length and width are those of the class, not 0
 
 
 def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
@@ -89,6 +90,7 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
         raise FormatError(f"{file}: expected one or more rows, got none")
     classes = np.array([_class(file, i, name, how) for i, name in enumerate(words["class"])])
     sizes = np.array([CLASSES[name].mean_m for name in classes]).reshape(-1, 3)
+    unsized = _fill_sizes(file, words, sizes)
     values = {name: _checked(file, words, name) for name in (*_NEEDED[:-1], clock)}
     for name, usual in (("z", np.full(len(words), np.nan)), ("dz", sizes[:, 2])):
         values[name] = _checked(file, words, name) if name in words.columns else usual
@@ -103,7 +105,20 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
             "`degrees`"
         )
     ids = words["id"].to_numpy(str) if "id" in words.columns else link(times, boxes, classes)
-    return _tracks(file, times, boxes, classes, ids)
+    tracks = _tracks(file, times, boxes, classes, ids)
+    names = set(map(str, ids[unsized]))
+    return [replace(track, has_mean_size=track.name in names) for track in tracks]
+
+
+def _fill_sizes(file: Path, words: pd.DataFrame, sizes: FloatArray) -> BoolArray:
+    """Replaces length and width by those of `sizes` (n, 3) where both are 0.
+
+    inD has such rows for pedestrians and bicycles. Returns a mask (n,) of the changed rows.
+    """
+    is_zero = np.all([numbers(file, words[name]).to_numpy(float) == 0 for name in ("dx", "dy")], 0)
+    for name, mean in zip(("dx", "dy"), sizes.T, strict=False):
+        words.loc[is_zero, name] = mean[is_zero].astype(str)
+    return np.asarray(is_zero)
 
 
 def read_frames(folder: Path) -> list[BoxTrack]:

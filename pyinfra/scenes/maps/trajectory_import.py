@@ -191,6 +191,8 @@ def import_boxes(objects: list[BoxTrack], offset_m: FloatArray) -> ImportedTrack
     if in_degrees(motions, None):
         raise FormatError("x, y: expected metres, got values that look like longitude and latitude")
     _check_boxes(objects)
+    if count := sum(o.has_mean_size for o in objects):
+        out.notes.append(f"sizes of 0 of {count} objects: the mean of the class is used")
     for o in objects:
         size = np.median(o.boxes[:, 3:6], axis=0)
         apart = float(np.abs(o.boxes[:, 3:6] - size).max())
