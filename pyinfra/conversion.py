@@ -141,7 +141,8 @@ def import_recording(
     scene : name of the site; by default that of the folder DATA
     model : model of the LiDAR; by default the name of its folder
     price_usd : lowest and highest price of the LiDAR in US dollars
-    period_s : frame period; by default taken from the recording, or 0.1 if it has none
+    period_s : time from one frame number to the next in seconds; by default taken from the
+        recording, or 0.1 if it has none
     height_m : height of the sensor above the road; by default estimated from the points
     tilt_deg : pitch (positive looks down) and roll of the sensor; points and boxes are levelled
     upright : how points are levelled: `road` by a plane that is fitted to the road, `as-is` not at

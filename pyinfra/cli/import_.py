@@ -59,7 +59,7 @@ add_arguments = usage(
     argument(
         "--period-s",
         type=float,
-        help="duration of a frame in seconds; default: as recorded, else 0.1",
+        help="time from one frame number to the next in seconds; default: as recorded, else 0.1",
     ),
     argument(
         "--height-m",

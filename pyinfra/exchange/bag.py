@@ -104,6 +104,7 @@ class Bag:
             tracks_sha256=digest if contents.boxes else "",
             times=lambda: seconds,
             notes=lambda: [*notes, *self._field_notes()],
+            slots=tuple(range(len(times))),
             reads=_files(self.source),
             unread_parts=self._unread_parts,
         )
