@@ -211,6 +211,9 @@ class Bag:
                 text += f"; {unstamped} messages without a stamp are paired by the times of the bag"
             if lost:
                 text += f"; {lost} messages have no cloud of their time and are left out"
+            if len(out) < len(clock_ns):
+                bare = len(clock_ns) - len(out)
+                text += f"; {bare} of {len(clock_ns)} clouds have no message: no objects"
             notes.append(text)
         return out
 

@@ -223,6 +223,46 @@ def test_frames_that_were_not_labelled_are_left_out(tmp_path: Path) -> None:
     assert any("1 of 3 clouds, such as 000005.pcd" in text for text in summary.assumed)
 
 
+def one_open_label(folder: Path, frames: dict[str, dict[str, Any]]) -> None:
+    cuboid = {"val": [12.0, -3.0, -5.25, 0, 0, 0, 1, 4.5, 1.9, 1.5]}
+    frames["4"] = {"objects": {"7": {"object_data": {"type": "Car", "cuboid": cuboid}}}}
+    (folder / "labels.json").write_text(json.dumps({"openlabel": {"frames": frames}}))
+
+
+def test_clouds_that_one_file_does_not_contain_are_left_out(tmp_path: Path) -> None:
+    """A frame that the file contains, but without objects, was labelled and stays."""
+    write_clouds(tmp_path / "source")
+    one_open_label(tmp_path / "source", {"000006": {"frame_properties": {}}})
+    facts = LidarFacts("pole", "junction")
+    summary, _ = import_recording(tmp_path / "source", "pcd", tmp_path / "a/b", facts, Options())
+    assert kitti.frames(tmp_path / "a/b") == [4, 6]
+    counts = [
+        len(kitti.read_objects(kitti.frame_file(tmp_path / "a/b", "objects", k))) for k in (4, 6)
+    ]
+    assert counts == [1, 0]
+    assert any("1 of 3 clouds, such as 000005.pcd, are not in" in text for text in summary.assumed)
+
+
+def test_a_file_without_frames_is_refused(tmp_path: Path) -> None:
+    write_clouds(tmp_path)
+    (tmp_path / "labels.json").write_text('{"openlabel": {"frames": {}}}')
+    with pytest.raises(FormatError, match=r"expected one or more frames, got none"):
+        reader("pcd")(tmp_path, Options())
+
+
+@pytest.mark.parametrize("kind", ["csv of frames", "csv with names"])
+def test_clouds_without_a_row_have_no_objects(kind: str, tmp_path: Path) -> None:
+    """In one table, a frame without objects has no row. A missing table of a frame is no label."""
+    options = KINDS[kind](tmp_path / "source")
+    clouds = tmp_path / "source/clouds" if options.labels else tmp_path / "source"
+    if not options.labels:
+        (tmp_path / "source/labels/000006.csv").unlink()
+    facts = LidarFacts("pole", "junction")
+    summary, _ = import_recording(clouds, "pcd", tmp_path / "a/b", facts, options)
+    assert kitti.frames(tmp_path / "a/b") == ([4, 5, 6] if options.labels else [4, 5])
+    assert any("1 of 3 clouds" in text for text in summary.assumed)
+
+
 def made(name: str, motorway: Path, tmp_path: Path) -> Path:
     if name in PUBLIC:
         return PUBLIC[name](motorway, tmp_path / "set")
