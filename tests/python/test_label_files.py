@@ -403,3 +403,33 @@ def test_boxes_of_a_detector_in_a_table_become_predictions(
     table.write_text(text.replace("0.25", "25"))
     with pytest.raises(FormatError, match="p: expected 0 to 1, got 25"):
         pi.Detections.from_csv(table, lidar, dict(word.split("=") for word in words))
+
+
+def test_predictions_have_the_calibrations_of_their_frames(tmp_path: Path) -> None:
+    """The frames are those of KITTI, whose camera is not at the sensor, and differs by frame."""
+    frames, rows = [4, 5, 6], ["frame,class,x,y,z,length,width,height,yaw,score"]
+    training = tmp_path / "kitti/training"
+    for k, frame in enumerate(frames):
+        calibration = kitti.simulated()
+        calibration.Tr_velo_to_cam[:, 3] = [0.02 * k, -0.08, -0.27]
+        (_, _, box, _), *_ = boxes_in(0)
+        labels = kitti.Labels(np.array(["Car"]), np.array([box]), None)
+        kitti.write_frame(tmp_path / "kitti", frame, road(k), labels, calibration=calibration)
+        rows.append(",".join(map(str, (frame, "Car", *box, 0.9))))
+    (tmp_path / "boxes.csv").write_text("\n".join(rows) + "\n")
+    words = ["import", str(tmp_path / "boxes.csv"), "--boxes-of", str(training.parent)]
+    assert main.main([*words, "--out", str(tmp_path / "boxes")]) == 0
+    for part in (tmp_path / "boxes", training / "label_2"):
+        for frame in frames:
+            calibration = kitti.read_calibration(training / f"calib/{frame:06d}.txt")
+            labels = kitti.read_labels(
+                part / f"{frame:06d}.txt",
+                calibration=calibration,
+                scores=part.name == "boxes",
+            )
+            assert labels.boxes[0] == pytest.approx(box, abs=1e-3)
+    read = pi.Detections.from_kitti(tmp_path / "boxes", training.parent)
+    again = read.save(tmp_path / "again", frames, training.parent)
+    for frame in frames:
+        name = f"{frame:06d}.txt"
+        assert (again / name).read_bytes() == (tmp_path / "boxes" / name).read_bytes()
