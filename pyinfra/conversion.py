@@ -266,7 +266,13 @@ def export(frames: FrameSequence | StrPath, format: str, out: StrPath) -> Path:
 
 
 @public()
-def export_tracks(tracks: pd.DataFrame, file: StrPath, *, lidar: str = "lidar") -> Path:
+def export_tracks(
+    tracks: pd.DataFrame,
+    file: StrPath,
+    *,
+    lidar: str = "lidar",
+    frames: FrameSequence | None = None,
+) -> Path:
     """Writes tracks as a table or in the format of another tool.
 
     Parameters
@@ -275,6 +281,7 @@ def export_tracks(tracks: pd.DataFrame, file: StrPath, *, lidar: str = "lidar") 
     file : file to write; its ending is the format: .csv (tracks.csv), .jsonl (a JSON line per
         frame), .txt (KITTI tracking), .json (OpenLABEL) or .mcap (ROS 2 messages)
     lidar : name of the LiDAR, which is the coordinate frame of the boxes
+    frames : the frames of the tracks, so that those without a track are written too
 
     Returns
     -------
@@ -292,7 +299,8 @@ def export_tracks(tracks: pd.DataFrame, file: StrPath, *, lidar: str = "lidar") 
     >>> frames = pi.simulate(pi.load_scene("highway", seed=1), "helios_16", range(10))
     >>> tracks = pi.track(frames.labels.assign(score=0.9), frames)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     pi.export_tracks(tracks, f"{folder}/tracks.json", lidar=frames.name).name
+    ...     file = f"{folder}/tracks.json"
+    ...     pi.export_tracks(tracks, file, lidar=frames.name, frames=frames).name
     'tracks.json'
     """
     path = path_of(file, "file")
@@ -305,7 +313,8 @@ def export_tracks(tracks: pd.DataFrame, file: StrPath, *, lidar: str = "lidar") 
     if path.suffix == ".csv":
         write_tracks(path, tracks)
     else:
-        track_files.write_other_format(path, tracks, lidar)
+        times = {n: (n + 0.5) * frames.period_s for n in frames.numbers} if frames else {}
+        track_files.write_other_format(path, tracks, lidar, times)
     return path
 
 
