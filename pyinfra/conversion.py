@@ -141,7 +141,8 @@ def import_recording(
     scene : name of the site; by default that of the folder DATA
     model : model of the LiDAR; by default the name of its folder
     price_usd : lowest and highest price of the LiDAR in US dollars
-    period_s : frame period; by default taken from the recording, or 0.1 if it has none
+    period_s : time from one frame number to the next in seconds; by default taken from the
+        recording, or 0.1 if it has none
     height_m : height of the sensor above the road; by default estimated from the points
     tilt_deg : pitch (positive looks down) and roll of the sensor; points and boxes are levelled
     upright : how points are levelled: `road` by a plane that is fitted to the road, `as-is` not at
@@ -265,7 +266,13 @@ def export(frames: FrameSequence | StrPath, format: str, out: StrPath) -> Path:
 
 
 @public()
-def export_tracks(tracks: pd.DataFrame, file: StrPath, *, lidar: str = "lidar") -> Path:
+def export_tracks(
+    tracks: pd.DataFrame,
+    file: StrPath,
+    *,
+    lidar: str = "lidar",
+    frames: FrameSequence | None = None,
+) -> Path:
     """Writes tracks as a table or in the format of another tool.
 
     Parameters
@@ -274,6 +281,7 @@ def export_tracks(tracks: pd.DataFrame, file: StrPath, *, lidar: str = "lidar") 
     file : file to write; its ending is the format: .csv (tracks.csv), .jsonl (a JSON line per
         frame), .txt (KITTI tracking), .json (OpenLABEL) or .mcap (ROS 2 messages)
     lidar : name of the LiDAR, which is the coordinate frame of the boxes
+    frames : the frames of the tracks, so that those without a track are written too
 
     Returns
     -------
@@ -291,7 +299,8 @@ def export_tracks(tracks: pd.DataFrame, file: StrPath, *, lidar: str = "lidar") 
     >>> frames = pi.simulate(pi.load_scene("highway", seed=1), "helios_16", range(10))
     >>> tracks = pi.track(frames.labels.assign(score=0.9), frames)
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     pi.export_tracks(tracks, f"{folder}/tracks.json", lidar=frames.name).name
+    ...     file = f"{folder}/tracks.json"
+    ...     pi.export_tracks(tracks, file, lidar=frames.name, frames=frames).name
     'tracks.json'
     """
     path = path_of(file, "file")
@@ -304,7 +313,8 @@ def export_tracks(tracks: pd.DataFrame, file: StrPath, *, lidar: str = "lidar") 
     if path.suffix == ".csv":
         write_tracks(path, tracks)
     else:
-        track_files.write_other_format(path, tracks, lidar)
+        times = {n: (n + 0.5) * frames.period_s for n in frames.numbers} if frames else {}
+        track_files.write_other_format(path, tracks, lidar, times)
     return path
 
 

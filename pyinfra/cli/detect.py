@@ -20,7 +20,7 @@ from pyinfra.core.machine_load import OtherLoad, other_load
 from pyinfra.core.names import suggestion
 from pyinfra.dataset.frames import lidar_folder
 from pyinfra.dataset.health import health_text, recorded_health
-from pyinfra.exchange.lone_clouds import cloud_reader
+from pyinfra.exchange.lone_clouds import cloud_reader, following_reader
 from pyinfra.formats import kitti
 from pyinfra.models.inference.detect import (
     PERCENTILES,
@@ -202,10 +202,11 @@ def _follow(args: argparse.Namespace) -> int:
     check_single(model, accumulation_of(model).frames)
     site = place(None, args.height_m, args.region)
     detector = detector_at_place(model, site, args.device, checked_threads(args.threads))
+    read_cloud = following_reader()
 
     def read(file: Path) -> tuple[float, Boxes]:
         try:
-            points = cloud_reader([file])[0](file)
+            points = read_cloud(file)
         except FormatError as error:
             if not args.skip_bad:
                 raise FormatError(f"{error}; `skip_bad` leaves out clouds like this") from None

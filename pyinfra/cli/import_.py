@@ -59,7 +59,7 @@ add_arguments = usage(
     argument(
         "--period-s",
         type=float,
-        help="duration of a frame in seconds; default: as recorded, else 0.1",
+        help="time from one frame number to the next in seconds; default: as recorded, else 0.1",
     ),
     argument(
         "--height-m",
@@ -162,9 +162,10 @@ def _import_boxes(args: argparse.Namespace) -> int:
     if args.out.is_dir() and any(args.out.iterdir()):
         raise Error(f"out: expected a new or empty folder, got {args.out}")
     columns = parse_columns(args.label_columns)
-    detections = Detections.from_csv(args.source, lidar_folder(args.boxes_of), columns)
-    numbers = frame_numbers(lidar_folder(args.boxes_of), "all")
-    detections.save(args.out, numbers)
+    folder = lidar_folder(args.boxes_of)
+    detections = Detections.from_csv(args.source, folder, columns)
+    numbers = frame_numbers(folder, "all")
+    detections.save(args.out, numbers, folder)
     print(f"{args.out}: {len(detections)} boxes in {len(numbers)} frames")
     return 0
 

@@ -111,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
     frames = RecordedFrames(folder, tuple(numbers))
     boxes = _boxes(args, frames)
     tracks = track(boxes, frames, settings=settings, smooth=not args.live)
-    export_tracks(tracks, args.out, lidar=frames.name)
+    export_tracks(tracks, args.out, lidar=frames.name, frames=frames)
     print(_summary(tracks, frames))
     if not len(tracks):
         warn(

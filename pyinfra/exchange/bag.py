@@ -8,7 +8,7 @@ import contextlib
 import itertools
 import weakref
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
+from scipy.spatial.transform import Rotation
 
-from pyinfra.core.arrays import FloatArray, Records
+from pyinfra.core.arrays import IntArray, Records
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.exchange import ros_messages as ros
-from pyinfra.exchange.data_set import upright
+from pyinfra.exchange.data_set import levelled
 from pyinfra.exchange.nuscenes_tables import angles_of
 from pyinfra.exchange.point_fields import PointFields
 from pyinfra.exchange.record_clouds import FIRST, points_of, readable
@@ -44,9 +45,10 @@ class Contents:
     topics: dict[str, tuple[str, int]]  # type and number of messages of each topic
     times_ns: list[int] = field(default_factory=list)  # time in the bag of each cloud
     stamps_ns: list[int] = field(default_factory=list)  # stamp of each cloud
-    boxes: list[tuple[int, Any]] = field(default_factory=list)  # stamp and message
+    # Boxes of each message with its stamp, which is 0 if it is not set, and its time in the bag.
+    boxes: list[tuple[int, int, list[ros.Entry]]] = field(default_factory=list)
     box_topic: str = ""
-    frames: dict[str, tuple[str, ros.Transform]] = field(default_factory=dict)  # of each child
+    frames: ros.Frames = field(default_factory=dict)
 
 
 def read(source: Path, options: Options) -> Recording:
@@ -80,34 +82,43 @@ class Bag:
         stamps, times = np.array(contents.stamps_ns), np.array(contents.times_ns)
         # Some drivers do not set the stamp, or always write the same. A simulation begins at 0.
         stamped = bool(stamps.max() > 0 and len(np.unique(stamps)) > len(stamps) / 2)
-        seconds = (stamps if stamped else times) / 1e9
+        clock_ns = stamps if stamped else times
         notes = [] if stamped else ["stamps of clouds are not set: times of the bag are used"]
         pose, tilt = self._pose(notes)
-        of_cloud = self._boxes_by_cloud(seconds, notes) if contents.boxes else {}
+        of_cloud = self._boxes_by_cloud(clock_ns, notes)
+        T_levelled_sensor = Rotation.from_euler("ZYX", [0, *(tilt or (0.0, 0.0))]).as_matrix()
+        levelling = ros.Transform(np.zeros(3), T_levelled_sensor)
+        boxes_in = {box.frame_id for *_, boxes in contents.boxes for box in boxes}
+        location = f"{self.source}: {contents.box_topic}"
+        found = ros.transforms_to(location, self._frame_id(), sorted(boxes_in), contents.frames)
+        notes += [f"boxes in `{name}` are transformed by tf" for name, T in found.items() if T]
+        to_levelled = {name: levelling.after(T or ros.IDENTITY) for name, T in found.items()}
 
         def frame(i: int) -> RecordedFrame:
             location = f"{self.source}: {self.topic}: cloud {i}"
             records = self.records(i)
             points = points_of(location, records, self.options, self.fields.offset)
-            boxes = NO_BOXES
-            if i in of_cloud:
-                kind = contents.topics[contents.box_topic][0]
-                boxes = ros.boxes_of(f"{location}: boxes", of_cloud[i], kind, self.ids)
-            return RecordedFrame(points, boxes, self.fields.read(location, records))
+            cloud = RecordedFrame(points, NO_BOXES, self.fields.read(location, records))
+            cloud = levelled(cloud, T_levelled_sensor) if tilt else cloud
+            if i not in of_cloud:
+                return cloud
+            boxes = ros.boxes_of(f"{location}: boxes", of_cloud[i], self.ids, to_levelled)
+            return replace(cloud, boxes=boxes)
 
         digest = f"{self.source.name}:{contents.box_topic}:{len(times)}"
-        recording = Recording(
+        return Recording(
             tuple(f"{i:06d}" for i in range(len(times))),
             frame,
             labelled=bool(contents.boxes),
             pose=pose,
+            tilt=tilt,
             tracks_sha256=digest if contents.boxes else "",
-            times=lambda: seconds,
+            times=lambda: clock_ns / 1e9,
             notes=lambda: [*notes, *self._field_notes()],
+            slots=tuple(range(len(times))),
             reads=_files(self.source),
             unread_parts=self._unread_parts,
         )
-        return upright(recording, tilt)
 
     def _unread_parts(self) -> list[str]:
         """Returns texts with the topics and the fields of points that are not read."""
@@ -157,10 +168,10 @@ class Bag:
     def _pose(self, notes: list[str]) -> tuple[WorldPose | None, tuple[float, float] | None]:
         """Returns the pose of the sensor from tf, and its tilt if the recording has boxes."""
         frame_id = self._frame_id()
-        path = _climb(self.contents.frames, frame_id)
-        if path is None:
+        above = ros.frames_above(self.contents.frames, frame_id)
+        root, transform = list(above.items())[-1]
+        if len(above) == 1 or root not in ROOTS or root in self.contents.frames:
             return None, None
-        root, transform = path
         yaw, pitch, roll = angles_of(transform.turn)
         x, y, z = transform.shift
         notes.append(
@@ -174,20 +185,36 @@ class Bag:
         length = int.from_bytes(raw[12:16], "little")
         return raw[16 : 16 + length].rstrip(b"\0").decode("utf-8", "replace").lstrip("/")
 
-    def _boxes_by_cloud(self, seconds: FloatArray, notes: list[str]) -> dict[int, Any]:
-        """Pairs each message of boxes with the latest cloud that is not newer than it."""
-        out, lost = {}, 0
-        order = np.argsort(seconds, kind="stable")
-        for stamp, message in self.contents.boxes:
-            at = int(np.searchsorted(seconds[order], stamp / 1e9 + 1e-6, side="right")) - 1
-            if at < 0 or stamp / 1e9 - seconds[order][at] > NEAR_S:
+    def _boxes_by_cloud(self, clock_ns: IntArray, notes: list[str]) -> dict[int, list[ros.Entry]]:
+        """Pairs each message of boxes with the latest cloud that is not newer than it.
+
+        clock_ns: (n,) stamp of each cloud, or its time in the bag if stamps are not set.
+        """
+        contents, out, lost, unstamped = self.contents, {}, 0, 0
+        clocks = (np.array(contents.times_ns), clock_ns)
+        orders = [np.argsort(clock, kind="stable") for clock in clocks]
+        seconds = [clock[order] / 1e9 for clock, order in zip(clocks, orders, strict=True)]
+        for stamp, time, boxes in contents.boxes:
+            has_stamp = stamp > 0
+            if not has_stamp and not boxes:  # only deletes markers
+                continue
+            unstamped += not has_stamp
+            now, earlier = (stamp if has_stamp else time) / 1e9, seconds[has_stamp]
+            at = int(np.searchsorted(earlier, now + 1e-6, side="right")) - 1
+            if at < 0 or now - earlier[at] > NEAR_S:
                 lost += 1
             else:
-                out[int(order[at])] = message
-        notes.append(
-            f"boxes are those of the topic {self.contents.box_topic}"
-            + (f"; {lost} messages have no cloud of their time and are left out" if lost else "")
-        )
+                out[int(orders[has_stamp][at])] = boxes
+        if contents.boxes:
+            text = f"boxes are those of the topic {contents.box_topic}"
+            if unstamped:
+                text += f"; {unstamped} messages without a stamp are paired by the times of the bag"
+            if lost:
+                text += f"; {lost} messages have no cloud of their time and are left out"
+            if len(out) < len(clock_ns):
+                bare = len(clock_ns) - len(out)
+                text += f"; {bare} of {len(clock_ns)} clouds have no message: no objects"
+            notes.append(text)
         return out
 
 
@@ -233,7 +260,8 @@ def _scan(source: Path, reader: Any, channel: str | None) -> tuple[str, str, Con
             contents.stamps_ns.append(ros.header_stamp_ns(raw, is_ros2=reader.is2))
         elif connection.topic == contents.box_topic:
             message = _message(reader, raw, connection.msgtype)
-            contents.boxes.append((_stamp_of(message) or int(time_ns), message))
+            entries = ros.box_entries(message, connection.msgtype)
+            contents.boxes.append((_stamp_of(message), int(time_ns), entries))
         else:
             for child, parent, transform in ros.transforms(
                 _message(reader, raw, connection.msgtype)
@@ -274,25 +302,14 @@ def _chosen(
     return next(iter(clouds))
 
 
-def _climb(
-    frames: dict[str, tuple[str, ros.Transform]], frame_id: str
-) -> tuple[str, ros.Transform] | None:
-    """Returns the root frame above a frame, and the transform to it; None if tf has no root."""
-    transform, name, seen = None, frame_id, {frame_id}
-    while name in frames:
-        name, step = frames[name]
-        transform = step if transform is None else step.after(transform)
-        if name in seen:
-            return None
-        seen.add(name)
-    return (name, transform) if transform is not None and name in ROOTS else None
-
-
 def _stamp_of(message: Any) -> int:
-    first = next(iter(getattr(message, "markers", ())), None)
-    header = getattr(message, "header", None) or getattr(first, "header", None)
-    stamp = getattr(header, "stamp", None)
-    return int(stamp.sec) * 10**9 + int(stamp.nanosec) if stamp is not None else 0
+    """Returns the first stamp of a message or of its objects that is set, in ns; else 0."""
+    objects = (getattr(message, name, ()) for name in ("markers", "detections", "boxes"))
+    for part in (message, *itertools.chain(*objects)):
+        stamp = getattr(getattr(part, "header", None), "stamp", None)
+        if stamp is not None and (time_ns := int(stamp.sec) * 10**9 + int(stamp.nanosec)):
+            return time_ns
+    return 0
 
 
 def _message(reader: Any, raw: bytes, kind: str) -> Any:

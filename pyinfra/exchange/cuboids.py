@@ -38,9 +38,12 @@ def read_sequence(file: Path, clouds: Sequence[str]) -> dict[str, Boxes]:
     """Reads the boxes of each cloud from a file with all frames of a recording.
 
     `clouds` are the names of the clouds. A frame names its cloud by the `uri` of a stream, else by
-    its key. Raises FormatError for a frame without a cloud.
+    its key. Clouds that are not in the file are not in the result. Raises FormatError for a frame
+    without a cloud, and for a file without a frame.
     """
     frames, types = _frames_and_types(file)
+    if not frames:
+        raise FormatError(f"{file}: openlabel.frames: expected one or more frames, got none")
     numbers = {int(name): name for name in clouds if name.isdecimal()}
     ids: dict[str, int] = {}
     out = {}

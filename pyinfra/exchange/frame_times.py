@@ -1,5 +1,6 @@
 """Determines the times of a recording's frames, and finds errors of the recording's clock."""
 
+import math
 import re
 from dataclasses import replace
 
@@ -14,6 +15,8 @@ from pyinfra.formats.kitti.lidar import PERIOD_S
 STAMP_UNITS_S = (1.0, 1e-3, 1e-6, 1e-9)
 MOST_NUMBER = 999_999
 MOST_UNKNOWN = 0.1  # share of frames whose unknown times are interpolated
+AROUND = 4  # steps within which others make up for a late or early time
+MOST_OFF = 0.05  # share by which a gap in the numbers of names may differ from that of the clock
 
 
 def seconds_of_stamp(value: float) -> float | None:
@@ -29,6 +32,9 @@ def seconds_of_stamp(value: float) -> float | None:
 
 def timed(recording: Recording, period_s: float | None = None) -> tuple[Recording, list[str]]:
     """Orders a recording by time, and derives frame period and frame numbers from its clock.
+
+    The frame period is the time from one frame number to the next. Numbers in names are kept if
+    they follow the clock, and replaced if they do not.
 
     Returns the recording and notes on its clock. `period_s` takes precedence over the clock. Times
     come from the files, else from the file names. If there are no times, or their median step
@@ -65,10 +71,16 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
 def _without_clock(recording: Recording, period_s: float | None, why: str) -> list[str]:
     """Returns notes on an assumed frame period, and on gaps between the numbers in names."""
     notes = []
-    if not (period_s or recording.period_s):
+    if not period_s:
         notes.append(
             f"{why}, so the time between frames is set to {USUAL_S:g} s; `period_s` sets another "
             "time"
+        )
+    if _is_named(recording) and (apart := int(np.gcd.reduce(np.diff(recording.numbers())))) > 1:
+        notes.append(
+            f"the numbers in the names are {apart} apart, so the clouds are "
+            f"{apart * (period_s or USUAL_S):g} s apart: `period_s` is the time from one number to "
+            "the next"
         )
     parts = [re.fullmatch(r"(\D*)(\d+)(\D*)", name) for name in recording.names]
     numbers = [int(match[2]) for match in parts if match]
@@ -125,36 +137,78 @@ def _reordered(recording: Recording, order: IntArray) -> Recording:
     )
 
 
+def _is_named(recording: Recording) -> bool:
+    """Returns whether the frame numbers are those of the names."""
+    return recording.slots is None and not recording.counted
+
+
+def _near(period_s: float, other_s: float) -> bool:
+    return REGULAR[0] < period_s / other_s < REGULAR[1]
+
+
+def _missing(late: FloatArray) -> IntArray:
+    """Returns the number of frames that are missing in each step; negative if there are too many.
+
+    late: (n,) how much each step is too long, in steps. A late or early time, which the steps
+    around it make up for, is no missing frame.
+    """
+    rest = late.tolist()
+    for apart in range(1, AROUND + 1):
+        for i in range(len(rest) - apart):
+            first, second = rest[i], rest[i + apart]
+            if first * second < 0:
+                part = math.copysign(min(abs(first), abs(second)), first)
+                rest[i], rest[i + apart] = first - part, second + part
+    return np.floor(np.array(rest) + 0.5).astype(np.int64)
+
+
 def _by_clock(
     recording: Recording, steps: FloatArray, period_s: float | None, notes: list[str]
 ) -> tuple[Recording, list[str]]:
     usual = float(np.median(steps))
-    names = recording.names
+    names, is_named = recording.names, _is_named(recording)
     if (steps == 0).any():
         at = int((steps == 0).argmax())
         notes.append(
             f"{int((steps == 0).sum())} frames, such as {names[at + 1]}, have the same time as the "
             "frame before them"
         )
-    if not PERIOD_S[0] <= usual <= PERIOD_S[1]:
+    if usual <= 0:
         why = f"the median step of the clock is {usual:.4g} s, which is no frame period"
         return recording, [*notes, *_without_clock(recording, period_s, why)]
-    if period_s and not REGULAR[0] < period_s / usual < REGULAR[1]:
+    apart = np.diff(recording.numbers())
+    unit = float(np.median(steps / np.maximum(apart, 1)))  # time from one number to the next
+    off = np.abs(_missing((steps - unit * apart) / usual)) > MOST_OFF * apart
+    # Key frames have numbers that are more than 1 apart. A period that is the time between them
+    # does not fit these numbers.
+    is_of_clouds = bool(period_s and _near(period_s, usual) and not _near(period_s, unit))
+    anew = is_named and (bool(off.any()) or is_of_clouds)
+    is_kept = is_named and not anew
+    unit = usual if anew else unit
+    if not PERIOD_S[0] <= unit <= PERIOD_S[1]:
+        why = f"the median step of the clock is {usual:.4g} s, which is no frame period"
+        return recording, [*notes, *_without_clock(recording, period_s, why)]
+    if period_s and not _near(period_s, unit):
         notes.append(
-            f"`period_s` is {period_s:g} s, but the median step of the clock is {usual:.4g} s; "
+            f"`period_s` is {period_s:g} s, but the median step of the clock is {unit:.4g} s; "
             "`period_s` is used"
         )
-    period = period_s or recording.period_s or round(usual, 4)
-    apart = np.maximum(np.round(steps / usual), 1).astype(np.int64)
-    slots = [0, *np.cumsum(apart).tolist()]
-    if (apart > 1).any():
-        at = int(steps.argmax())
-        numbered = slots[-1] <= MOST_NUMBER and (recording.counted or recording.slots is not None)
+    missing = np.maximum(_missing(steps / usual - 1), 0)
+    slots = (0, *np.cumsum(1 + missing).tolist())
+    fits = slots[-1] <= MOST_NUMBER
+    if anew:
+        at = int(off.argmax())
         notes.append(
-            f"frames are missing at {int((apart > 1).sum())} places, and the longest gap is "
-            f"{steps[at]:.4g} s after {names[at]}; the frame numbers "
-            + ("have the same gaps" if numbered else "have no gaps")
+            f"frames are numbered by the clock, which the numbers in the names do not follow: "
+            f"{names[at + 1]} is {steps[at]:.4g} s after {names[at]}; `sources.csv` has the names"
         )
-        if numbered:
-            recording = replace(recording, slots=tuple(slots))
-    return replace(recording, period_s=period), notes
+    if missing.any():
+        at = int(steps.argmax())
+        notes.append(
+            f"frames are missing at {int((missing > 0).sum())} places, and the longest gap is "
+            f"{steps[at]:.4g} s after {names[at]}; the frame numbers "
+            + ("have the same gaps" if fits or is_kept else "have no gaps")
+        )
+    if anew or (missing.any() and not is_kept):
+        recording = replace(recording, slots=slots if fits else tuple(range(len(names))))
+    return replace(recording, period_s=period_s or round(unit, 4)), notes

@@ -9,6 +9,7 @@ from pyinfra.exchange.dair import SIDES
 from pyinfra.exchange.file_kinds import found_text, kind_of
 from pyinfra.exchange.formats import IMPORTS
 from pyinfra.exchange.label_files import CLOUD_FOLDERS, label_folder
+from pyinfra.exchange.rcooper import is_sequence
 from pyinfra.exchange.tumtraf import CLOUDS, LABELS
 
 # Formats whose recordings can be single files, and the endings of these files in a folder.
@@ -87,7 +88,7 @@ def formats_of(source: Path) -> Iterator[tuple[str, str]]:
         fits = any(any(source.glob(pattern)) for pattern in patterns)
         if not fits or (name == "rcooper" and labels):
             continue
-        yield name, patterns[0]
+        yield "pcd" if name == "rcooper" and not is_sequence(source) else name, patterns[0]
         if name == "pcd" and _is_beside_labels(source):
             yield "tumtraf", f"*.pcd beside {' or '.join(LABELS)}"
     for name, suffixes in FILES.items():

@@ -1,6 +1,6 @@
 """Finds the labels of a folder of clouds, and reads them: text, CSV, or JSON of several tools."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -83,10 +83,9 @@ def open_labels(clouds: list[Path], source: Path, options: Options) -> LabelFile
         return LabelFiles(clouds)
     if place.is_file() and place.suffix.lower() == ".json":
         by_cloud = read_sequence(place, [stem(cloud) for cloud in clouds])
+        kept, notes = _labelled(clouds, by_cloud, f"are not in {place.name}")
         digest = sha256(place.read_bytes()).hexdigest()[:16]
-        return LabelFiles(
-            clouds, lambda name: by_cloud.get(name, NO_BOXES), (place,), tracks_sha256=digest
-        )
+        return LabelFiles(kept, by_cloud.__getitem__, (place,), tuple(notes), digest)
     if place.is_file():
         return _of_one_csv(clouds, place, options)
     suffixes = _suffixes(place) or SUFFIXES[:1]
@@ -146,14 +145,20 @@ def _with_labels(clouds: list[Path], files: Sequence[Path]) -> tuple[list[Path],
 
     Labelling tools write a file only for the frames that were labelled.
     """
-    labelled = {stem(file) for file in files}
-    kept = [cloud for cloud in clouds if stem(cloud) in labelled]
+    kept, notes = _labelled(clouds, {stem(file) for file in files}, "have no label file")
     check_pairs(kept, files)
-    if len(kept) == len(clouds):
-        return kept, []
-    first = next(cloud.name for cloud in clouds if stem(cloud) not in labelled)
-    text = f"{len(clouds) - len(kept)} of {len(clouds)} clouds, such as {first}, have no label file"
-    return kept, [f"{text}: they are left out"]
+    return kept, notes
+
+
+def _labelled(
+    clouds: list[Path], names: Container[str], problem: str
+) -> tuple[list[Path], list[str]]:
+    """Returns the clouds with one of the names, and a note on the problem of the others."""
+    others = [cloud for cloud in clouds if stem(cloud) not in names]
+    if not others:
+        return clouds, []
+    text = f"{len(others)} of {len(clouds)} clouds, such as {others[0].name}, {problem}"
+    return [c for c in clouds if stem(c) in names], [f"{text}: they are left out"]
 
 
 def _of_json(clouds: list[Path], files: list[Path]) -> LabelFiles:

@@ -70,7 +70,6 @@ def read(source: Path, options: Options) -> Recording:
         names=names,
         read=frame,
         labelled=len(annotations) > 0,
-        period_s=round(float(np.median(np.diff(times))), 4) if len(rows) > 1 else None,
         pose=WorldPose(x, y, z, poses[0].yaw),
         tilt=poses[0].tilt,
         tracks_sha256=sha256("\n".join(tables.instances).encode()).hexdigest()[:16],

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import resolved
 from pyinfra.exchange.data_set import upright
 from pyinfra.exchange.json_boxes import read_json, shown
@@ -22,13 +22,21 @@ from pyinfra.formats.kitti import WorldPose
 LABELS = ("label", "labels")
 
 
+def is_sequence(source: Path) -> bool:
+    """Returns whether a path is that of a sequence, .../SCENE/POLE/seq-N."""
+    path = resolved(source)
+    return path.name.startswith("seq-") and len(path.parents) > 3
+
+
 def read(source: Path, options: Options) -> Recording:
     """Opens the folder of a sequence in data/SCENE/POLE.
 
-    Raises FileNotFoundError, and Error for labels that do not pair with clouds. Reading a frame
-    raises FormatError.
+    Raises FileNotFoundError, and Error for a folder without this path, and for labels that do not
+    pair with clouds. Reading a frame raises FormatError.
     """
     clouds = sorted_files(source / "lidar", [".pcd"])
+    if len(resolved(source).parents) <= 3:
+        raise Error(f"{source}: expected a folder data/SCENE/POLE/seq-N, got {resolved(source)}")
     scene, pole, sequence = resolved(source).parts[-3:]
     top = resolved(source).parents[3]
     beside = (top / name / scene / pole / sequence for name in LABELS)

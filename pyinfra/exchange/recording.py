@@ -159,9 +159,9 @@ def as_points(
 ) -> Points:
     """Converts columns x, y, z and intensity, (n,) each, to points (n, 4) in metres.
 
-    Intensities are divided by the source's largest intensity. Points with non-finite values stay in
-    the result. Raises FormatError for a coordinate beyond 10 km, or an intensity above 10,000 times
-    the largest intensity.
+    Intensities are divided by the source's largest intensity, and limited to 0 to 1. Points with
+    non-finite values stay in the result. Raises FormatError for a coordinate beyond 10 km, or an
+    intensity above 10,000 times the largest intensity.
     """
     highest = usual if options.intensity_max is None else options.intensity_max
     for name, column in zip(("x", "y", "z", "intensity"), columns, strict=True):
@@ -172,8 +172,7 @@ def as_points(
             location = f"{file}: point {bad[0]}: {name}"
             raise FormatError(f"{location}: expected {-most:g} to {most:g}, got {column[bad[0]]:g}")
     points = np.stack([column.astype(np.float32) for column in columns], axis=1)
-    if highest != 1:
-        points[:, 3] = np.minimum(points[:, 3] / highest, 1)  # a few may be brighter
+    points[:, 3] = np.clip(points[:, 3] / highest, 0, 1)  # a few may be brighter
     if options.unit_m != 1:
         points[:, :3] *= options.unit_m
     return points

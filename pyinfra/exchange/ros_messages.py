@@ -7,15 +7,15 @@ jsk_recognition_msgs, and of Livox's drivers.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pyinfra.core.arrays import FloatArray, Records
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.exchange.json_boxes import checked_box
 from pyinfra.exchange.recording import Boxes
 
@@ -36,6 +36,16 @@ LIVOX_FIELDS = [
     *((name, "u1") for name in ("reflectivity", "tag", "line")),
 ]
 _CUBE, _ADD = 1, 0  # Marker.type, Marker.action
+
+
+class Entry(NamedTuple):
+    """A box of a message."""
+
+    frame_id: str  # empty if the message does not state the frame
+    name: str
+    track: str
+    pose: Any
+    size: Any
 
 
 def header_stamp_ns(raw: bytes, *, is_ros2: bool) -> int:
@@ -128,6 +138,13 @@ class Transform:
         """Returns the transform that applies `inner` and then this transform."""
         return Transform(self.shift + self.turn @ inner.shift, self.turn @ inner.turn)
 
+    def inverse(self) -> Transform:
+        return Transform(-self.turn.T @ self.shift, self.turn.T)
+
+
+IDENTITY = Transform(np.zeros(3), np.eye(3))
+Frames = dict[str, tuple[str, Transform]]  # parent of each child frame, and the transform to it
+
 
 def transforms(message: Any) -> Iterator[tuple[str, str, Transform]]:
     """Yields child, parent and the transform of each valid entry of a TFMessage."""
@@ -140,26 +157,69 @@ def transforms(message: Any) -> Iterator[tuple[str, str, Transform]]:
             yield child, parent, Transform(shift, Rotation.from_quat(turn).as_matrix())
 
 
-def boxes_of(location: str, message: Any, kind: str, ids: dict[str, int]) -> Boxes:
-    """Returns the boxes of a message of type MARKERS, DETECTIONS or JSK_BOXES, in its frame.
+def frames_above(frames: Frames, frame_id: str) -> dict[str, Transform]:
+    """Returns the transforms of a frame to itself and to the frames above it, the highest last."""
+    name, out = frame_id, {frame_id: IDENTITY}
+    while name in frames and frames[name][0] not in out:
+        inner = out[name]
+        name, step = frames[name]
+        out[name] = step.after(inner)
+    return out
 
-    `ids` maps the names of tracks to numbers, and new tracks are added to it. Invalid boxes are
-    left out.
+
+def transforms_to(
+    location: str, cloud: str, names: Iterable[str], frames: Frames
+) -> dict[str, Transform | None]:
+    """Returns the transform of each frame of boxes to that of the cloud; None for the same frame.
+
+    Boxes without a frame are in that of the cloud, and so are all boxes if the cloud has no frame.
+    Raises Error that begins with `location` for a frame that tf does not connect with the cloud's.
     """
-    entries = {MARKERS: _markers, DETECTIONS: _detections, JSK_BOXES: _jsk}[kind](message)
+    above_cloud = frames_above(frames, cloud)
+    out: dict[str, Transform | None] = {}
+    for name in names:
+        if not name or not cloud or name == cloud:
+            out[name] = None
+            continue
+        above = frames_above(frames, name)
+        common = next((each for each in above if each in above_cloud), None)
+        if common is None:
+            raise Error(
+                f"{location}: expected boxes in '{cloud}' or in a frame that tf connects with it, "
+                f"got '{name}'"
+            )
+        out[name] = above_cloud[common].inverse().after(above[common])
+    return out
+
+
+def box_entries(message: Any, kind: str) -> list[Entry]:
+    """Returns the boxes of a message of type MARKERS, DETECTIONS or JSK_BOXES."""
+    return list({MARKERS: _markers, DETECTIONS: _detections, JSK_BOXES: _jsk}[kind](message))
+
+
+def boxes_of(
+    location: str, entries: Sequence[Entry], ids: dict[str, int], to_cloud: Mapping[str, Transform]
+) -> Boxes:
+    """Returns the boxes of a message in the frame of the cloud.
+
+    `to_cloud` has the transform of each frame. `ids` maps the names of tracks to numbers, and new
+    tracks are added to it. Invalid boxes are left out.
+    """
     rows, names, tracks, left_out = [], [], [], []
-    for i, (name, track, pose, size) in enumerate(entries):
+    for i, (frame_id, name, track, pose, size) in enumerate(entries):
         p, q = pose.position, pose.orientation
         turn = np.array([q.x, q.y, q.z, q.w], dtype=np.float64)
         if not turn.any():  # unset by some writers
             turn[3] = 1.0
-        values = np.array([p.x, p.y, p.z, size.x, size.y, size.z, 0], dtype=np.float64)
+        T = to_cloud[frame_id]
+        centre = T.turn @ np.array([p.x, p.y, p.z], dtype=np.float64) + T.shift
+        values = np.array([*centre, size.x, size.y, size.z, 0], dtype=np.float64)
         try:
             if not 0.9 < np.linalg.norm(turn) < 1.1:
                 raise FormatError(
                     f"{location}: box {i}: expected a quaternion of length 1, got {turn}"
                 )
-            ahead = Rotation.from_quat(turn).as_matrix()[:, 0]
+            ahead = T.turn @ Rotation.from_quat(turn).as_matrix()[:, 0]
             values[6] = np.arctan2(ahead[1], ahead[0])
             rows.append(checked_box(f"{location}: box {i}", values))
         except FormatError as error:
@@ -178,13 +238,14 @@ def boxes_of(location: str, message: Any, kind: str, ids: dict[str, int]) -> Box
     )
 
 
-def _markers(message: Any) -> Iterator[tuple[str, str, Any, Any]]:
+def _markers(message: Any) -> Iterator[Entry]:
     for marker in message.markers:
         if int(marker.type) == _CUBE and int(marker.action) == _ADD:
-            yield str(marker.ns), str(int(marker.id)), marker.pose, marker.scale
+            name, number = str(marker.ns), str(int(marker.id))
+            yield Entry(_frame_of(marker), name, number, marker.pose, marker.scale)
 
 
-def _detections(message: Any) -> Iterator[tuple[str, str, Any, Any]]:
+def _detections(message: Any) -> Iterator[Entry]:
     for detection in message.detections:
         best, most = "", -1.0
         for result in detection.results:
@@ -193,9 +254,17 @@ def _detections(message: Any) -> Iterator[tuple[str, str, Any, Any]]:
             if score > most:
                 best, most = str(getattr(inner, "class_id", getattr(inner, "id", ""))), score
         track = str(getattr(detection, "id", "") or getattr(detection, "tracking_id", ""))
-        yield best, track, detection.bbox.center, detection.bbox.size
+        frame_id = _frame_of(detection) or _frame_of(message)
+        yield Entry(frame_id, best, track, detection.bbox.center, detection.bbox.size)
 
 
-def _jsk(message: Any) -> Iterator[tuple[str, str, Any, Any]]:
+def _jsk(message: Any) -> Iterator[Entry]:
     for box in message.boxes:
-        yield f"label_{int(box.label)}", "", box.pose, box.dimensions
+        frame_id = _frame_of(box) or _frame_of(message)
+        yield Entry(frame_id, f"label_{int(box.label)}", "", box.pose, box.dimensions)
+
+
+def _frame_of(message: Any) -> str:
+    """Returns the frame in the header of a message; empty if it is not set."""
+    header = getattr(message, "header", None)
+    return str(getattr(header, "frame_id", "")).lstrip("/")

@@ -7,6 +7,7 @@ frame with a box, and 2 (largely occluded) for others.
 """
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ import pandas as pd
 from pyinfra.core.files import write
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.exchange.formats import module
-from pyinfra.exchange.track_openlabel import write_openlabel
+from pyinfra.exchange.track_openlabel import FrameTracks, write_openlabel
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti.camera import boxes_to_camera
 from pyinfra.formats.kitti.write import image_columns
@@ -28,28 +29,38 @@ FORMATS = {
 }
 
 
-def write_other_format(file: Path, tracks: pd.DataFrame, lidar: str) -> None:
+def write_other_format(
+    file: Path, tracks: pd.DataFrame, lidar: str, times: Mapping[int, float]
+) -> None:
     """Writes a table of `track` in the format of the file's ending, one of FORMATS.
 
-    lidar: the name of the LiDAR, which is the frame of the boxes. Raises ImportError if packages
-    for MCAP are missing.
+    lidar: the name of the LiDAR, which is the frame of the boxes. times: the time of each frame
+    number, also of frames without a track; those of the table may be missing. Raises ImportError if
+    packages for MCAP are missing.
     """
     if file.suffix == ".mcap":
-        module("track_mcap", "exchange").write_mcap(file, tracks, lidar)
+        module("track_mcap", "exchange").write_mcap(file, _by_frame(tracks, times), lidar)
     elif file.suffix == ".json":
-        write_openlabel(file, tracks, lidar)
+        write_openlabel(file, _by_frame(tracks, times), lidar)
     elif file.suffix == ".jsonl":
-        write_json_lines(file, tracks)
+        write_json_lines(file, _by_frame(tracks, times))
     else:
         write_kitti_tracking(file, tracks)
 
 
-def write_json_lines(file: Path, tracks: pd.DataFrame) -> None:
+def _by_frame(tracks: pd.DataFrame, times: Mapping[int, float]) -> list[FrameTracks]:
+    """Returns number, time and tracks of each frame, in ascending order."""
+    known = dict(times) | dict(zip(tracks.frame.tolist(), tracks.t_s.tolist(), strict=True))
+    parts = dict(iter(tracks.groupby("frame")))
+    return [(number, known[number], parts.get(number, tracks[:0])) for number in sorted(known)]
+
+
+def write_json_lines(file: Path, frames: Sequence[FrameTracks]) -> None:
     """Writes a line per frame: frame, t_s and the columns of each track, rounded to 1 mm."""
     lines = []
-    for (frame, time_s), part in tracks.groupby(["frame", "t_s"]):
+    for number, time_s, part in frames:
         rows = part.drop(columns=["frame", "t_s"]).round(3).to_dict("records")
-        lines.append(json.dumps({"frame": int(frame), "t_s": float(time_s), "tracks": rows}))
+        lines.append(json.dumps({"frame": number, "t_s": time_s, "tracks": rows}))
     write(file, "".join(f"{line}\n" for line in lines))
 
 

@@ -7,6 +7,7 @@ Topics, each with one message per frame, stamped with the time of the boxes:
 NAME is the LiDAR, and the frame of the messages, as in the file that `mcap` writes of the clouds.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -26,26 +27,27 @@ from pyinfra.exchange.ros_definitions import (
     xyz,
 )
 from pyinfra.exchange.series import nanoseconds
+from pyinfra.exchange.track_openlabel import FrameTracks
 
 DETECTIONS, MARKERS = "vision_msgs/msg/Detection3DArray", "visualization_msgs/msg/MarkerArray"
 COLOUR = {"r": 0.0, "g": 0.62, "b": 0.45, "a": 0.5}
 TEXT, TEXT_M, WHITE = 9, 1.0, {"r": 1.0, "g": 1.0, "b": 1.0, "a": 1.0}  # Marker.type; height
 
 
-def write_mcap(file: Path, tracks: pd.DataFrame, lidar: str) -> None:
+def write_mcap(file: Path, frames: Sequence[FrameTracks], lidar: str) -> None:
     """Writes the tracks of the LiDAR `lidar`."""
     with replacing(file) as beside, beside.open("wb") as stream, Writer(stream) as writer:
         schemas = {
             name: writer.register_msgdef(name, DEFINITIONS[name]) for name in (DETECTIONS, MARKERS)
         }
-        for (frame, time_s), part in tracks.groupby(["frame", "t_s"]):
+        for number, time_s, part in frames:
             stamp, ns = header(time_s, lidar), nanoseconds(time_s)
             for topic, kind, message in (
                 ("tracks", DETECTIONS, _detections(stamp, part)),
                 ("track_markers", MARKERS, _markers(stamp, part)),
             ):
                 writer.write_message(
-                    f"/{lidar}/{topic}", schemas[kind], message, ns, sequence=int(frame)
+                    f"/{lidar}/{topic}", schemas[kind], message, ns, sequence=number
                 )
 
 

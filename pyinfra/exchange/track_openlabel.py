@@ -5,7 +5,7 @@ Frames count from 0, and `timestamp` is the time of the boxes. Attributes are sp
 whether the frame has a box of the object (`seen`: 1 or 0).
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +15,10 @@ from pyinfra.core.version import __version__
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.exchange.openlabel import Item, Json, Presence, cuboid, write_document
 
+FrameTracks = tuple[int, float, pd.DataFrame]  # number of a frame, its time, and its tracks
 
-def write_openlabel(file: Path, tracks: pd.DataFrame, lidar: str) -> None:
+
+def write_openlabel(file: Path, frames: Sequence[FrameTracks], lidar: str) -> None:
     """Writes the tracks of the LiDAR `lidar`."""
     presence = Presence()
     parts: dict[str, Json | Iterable[Item]] = {
@@ -26,15 +28,15 @@ def write_openlabel(file: Path, tracks: pd.DataFrame, lidar: str) -> None:
             "annotator": f"pyinfra {__version__}",
         },
         "coordinate_systems": {lidar: {"type": "sensor_cs", "parent": "", "children": []}},
-        "frames": _frames(tracks, lidar, presence),
+        "frames": _frames(frames, lidar, presence),
         # `objects` must follow the frames, because iterating over the frames fills `presence`.
         "objects": presence.objects(lidar),
     }
-    write_document(file, parts, tracks.frame.nunique())
+    write_document(file, parts, len(frames))
 
 
-def _frames(tracks: pd.DataFrame, lidar: str, presence: Presence) -> Iterator[Item]:
-    for index, ((_, time_s), part) in enumerate(tracks.groupby(["frame", "t_s"])):
+def _frames(frames: Sequence[FrameTracks], lidar: str, presence: Presence) -> Iterator[Item]:
+    for index, (_, time_s, part) in enumerate(frames):
         presence.add(index, zip(part.id.tolist(), part.type.tolist(), strict=True))
         boxes, seen = part[BOX].to_numpy(np.float64).tolist(), (part.state == "seen").astype(int)
         columns = zip(part.id, boxes, part.speed_m_s, part.score, seen, strict=True)

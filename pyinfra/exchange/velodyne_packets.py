@@ -59,6 +59,7 @@ def read(source: Path, options: Options) -> Recording:
         labelled=False,
         times=lambda: np.array(stamps),
         notes=lambda: fields.notes,
+        slots=tuple(range(len(stamps))),
         reads=(files[0],),
     )
 

@@ -10,9 +10,10 @@ from pyinfra.cli import main
 from pyinfra.core.errors import Error
 from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frames import lidar_folder
-from pyinfra.exchange import imports
+from pyinfra.exchange import imports, rcooper
 from pyinfra.exchange.guess import guess_format
 from pyinfra.exchange.imports import SAMPLE
+from pyinfra.exchange.recording import Options
 from pyinfra.formats import kitti
 from pyinfra.formats.pcd_file import read_pcd
 from reproduction.commands.sample import FRAMES, TILT_DEG, records_of
@@ -25,7 +26,6 @@ FILES = {
     "bin": "000000.bin",
     "dair-v2x": "infrastructure-side/velodyne/000000.pcd",
     "tumtraf": "point_clouds/s110_lidar_ouster_south/1.pcd",
-    "rcooper": "lidar/1.pcd",
 }
 
 
@@ -46,6 +46,27 @@ def test_other_spellings_are_recognised(tmp_path: Path) -> None:
     assert guess_format(tracking)[0] == "kitti"
     assert guess_format(with_files(tmp_path / "b", "points/1.pcd"))[0] == "pcd"
     assert guess_format(with_files(tmp_path / "c", "velodyne/1.pcd"))[0] == "dair-v2x"
+
+
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [
+        ("data/106-105/105/seq-0", "rcooper"),
+        ("seq-0", "pcd"),
+        ("data/106-105/105/monday", "pcd"),
+        ("rec", "pcd"),
+    ],
+)
+def test_clouds_in_a_folder_lidar_are_those_of_rcooper_only_in_its_layout(
+    path: str, name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    source = with_files(tmp_path / path, "lidar/1.pcd")
+    # A path of any length: the folder of the test is the top of the file system.
+    monkeypatch.setattr(rcooper, "resolved", lambda p: Path("/") / p.relative_to(tmp_path))
+    assert guess_format(source)[0] == name
+    if len(Path(path).parts) < 4:
+        with pytest.raises(Error, match="expected a folder data/SCENE/POLE/seq-N, got /"):
+            rcooper.read(source, Options())
 
 
 @pytest.mark.parametrize(

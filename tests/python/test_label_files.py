@@ -223,6 +223,46 @@ def test_frames_that_were_not_labelled_are_left_out(tmp_path: Path) -> None:
     assert any("1 of 3 clouds, such as 000005.pcd" in text for text in summary.assumed)
 
 
+def one_open_label(folder: Path, frames: dict[str, dict[str, Any]]) -> None:
+    cuboid = {"val": [12.0, -3.0, -5.25, 0, 0, 0, 1, 4.5, 1.9, 1.5]}
+    frames["4"] = {"objects": {"7": {"object_data": {"type": "Car", "cuboid": cuboid}}}}
+    (folder / "labels.json").write_text(json.dumps({"openlabel": {"frames": frames}}))
+
+
+def test_clouds_that_one_file_does_not_contain_are_left_out(tmp_path: Path) -> None:
+    """A frame that the file contains, but without objects, was labelled and stays."""
+    write_clouds(tmp_path / "source")
+    one_open_label(tmp_path / "source", {"000006": {"frame_properties": {}}})
+    facts = LidarFacts("pole", "junction")
+    summary, _ = import_recording(tmp_path / "source", "pcd", tmp_path / "a/b", facts, Options())
+    assert kitti.frames(tmp_path / "a/b") == [4, 6]
+    counts = [
+        len(kitti.read_objects(kitti.frame_file(tmp_path / "a/b", "objects", k))) for k in (4, 6)
+    ]
+    assert counts == [1, 0]
+    assert any("1 of 3 clouds, such as 000005.pcd, are not in" in text for text in summary.assumed)
+
+
+def test_a_file_without_frames_is_refused(tmp_path: Path) -> None:
+    write_clouds(tmp_path)
+    (tmp_path / "labels.json").write_text('{"openlabel": {"frames": {}}}')
+    with pytest.raises(FormatError, match=r"expected one or more frames, got none"):
+        reader("pcd")(tmp_path, Options())
+
+
+@pytest.mark.parametrize("kind", ["csv of frames", "csv with names"])
+def test_clouds_without_a_row_have_no_objects(kind: str, tmp_path: Path) -> None:
+    """In one table, a frame without objects has no row. A missing table of a frame is no label."""
+    options = KINDS[kind](tmp_path / "source")
+    clouds = tmp_path / "source/clouds" if options.labels else tmp_path / "source"
+    if not options.labels:
+        (tmp_path / "source/labels/000006.csv").unlink()
+    facts = LidarFacts("pole", "junction")
+    summary, _ = import_recording(clouds, "pcd", tmp_path / "a/b", facts, options)
+    assert kitti.frames(tmp_path / "a/b") == ([4, 5, 6] if options.labels else [4, 5])
+    assert any("1 of 3 clouds" in text for text in summary.assumed)
+
+
 def made(name: str, motorway: Path, tmp_path: Path) -> Path:
     if name in PUBLIC:
         return PUBLIC[name](motorway, tmp_path / "set")
@@ -363,3 +403,33 @@ def test_boxes_of_a_detector_in_a_table_become_predictions(
     table.write_text(text.replace("0.25", "25"))
     with pytest.raises(FormatError, match="p: expected 0 to 1, got 25"):
         pi.Detections.from_csv(table, lidar, dict(word.split("=") for word in words))
+
+
+def test_predictions_have_the_calibrations_of_their_frames(tmp_path: Path) -> None:
+    """The frames are those of KITTI, whose camera is not at the sensor, and differs by frame."""
+    frames, rows = [4, 5, 6], ["frame,class,x,y,z,length,width,height,yaw,score"]
+    training = tmp_path / "kitti/training"
+    for k, frame in enumerate(frames):
+        calibration = kitti.simulated()
+        calibration.Tr_velo_to_cam[:, 3] = [0.02 * k, -0.08, -0.27]
+        (_, _, box, _), *_ = boxes_in(0)
+        labels = kitti.Labels(np.array(["Car"]), np.array([box]), None)
+        kitti.write_frame(tmp_path / "kitti", frame, road(k), labels, calibration=calibration)
+        rows.append(",".join(map(str, (frame, "Car", *box, 0.9))))
+    (tmp_path / "boxes.csv").write_text("\n".join(rows) + "\n")
+    words = ["import", str(tmp_path / "boxes.csv"), "--boxes-of", str(training.parent)]
+    assert main.main([*words, "--out", str(tmp_path / "boxes")]) == 0
+    for part in (tmp_path / "boxes", training / "label_2"):
+        for frame in frames:
+            calibration = kitti.read_calibration(training / f"calib/{frame:06d}.txt")
+            labels = kitti.read_labels(
+                part / f"{frame:06d}.txt",
+                calibration=calibration,
+                scores=part.name == "boxes",
+            )
+            assert labels.boxes[0] == pytest.approx(box, abs=1e-3)
+    read = pi.Detections.from_kitti(tmp_path / "boxes", training.parent)
+    again = read.save(tmp_path / "again", frames, training.parent)
+    for frame in frames:
+        name = f"{frame:06d}.txt"
+        assert (again / name).read_bytes() == (tmp_path / "boxes" / name).read_bytes()

@@ -683,7 +683,7 @@ def test_boxes_of_a_lone_pcd_are_those_of_its_turned_and_scaled_points(
         assert its_boxes == pytest.approx(boxes, abs=0.05)
         assert "VIEWPOINT of 1 of 1 clouds: points are turned by 42.27 degrees" in said
         assert "the shift ({:g}, {:g}, {:g}) is ignored".format(*shift) in said
-        assert "the highest intensity is 255: intensities are divided by 255" in said
+        assert "intensities are divided by 255" in said
 
 
 @pytest.mark.nightly

@@ -16,9 +16,9 @@ from tracking_data import PERIOD_S, boxes, circle, straight
 import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.core.errors import Error
-from pyinfra.dataset.frame_sequence import SimulatedFrames
+from pyinfra.dataset.frame_sequence import RecordedFrames, SimulatedFrames
 from pyinfra.dataset.object_rows import BOX
-from pyinfra.exchange.track_files import write_json_lines, write_kitti_tracking
+from pyinfra.exchange.track_files import write_kitti_tracking
 from pyinfra.formats import kitti
 from pyinfra.tracking.evaluation import geh, true_objects
 from pyinfra.tracking.hota import Sightings, clear, hota
@@ -243,7 +243,7 @@ def test_other_formats_have_the_same_tracks(tmp_path: Path) -> None:
     tracks = pi.track(
         boxes([straight(0, -5, 10), straight(30, 5, 8, np.pi)], 20), period_s=PERIOD_S
     )
-    write_json_lines(tmp_path / "a.jsonl", tracks)
+    pi.export_tracks(tracks, tmp_path / "a.jsonl")
     rows = [json.loads(line) for line in (tmp_path / "a.jsonl").read_text().splitlines()]
     assert [row["frame"] for row in rows] == list(range(20))
     assert [t["x"] for row in rows for t in row["tracks"]] == pytest.approx(tracks.x, abs=1e-3)
@@ -267,6 +267,31 @@ def test_other_formats_have_the_same_tracks(tmp_path: Path) -> None:
     np.testing.assert_allclose(cuboids, tracks[["id", "x", "y", "z"]])
     with pytest.raises(Error, match=r"ends in \.csv"):
         pi.export_tracks(tracks, tmp_path / "a.xml", lidar="lidar")
+
+
+@pytest.mark.parametrize("seen", [[*range(4, 14), *range(22, 30)], []])
+def test_frames_without_tracks_are_written(seen: list[int], tmp_path: Path) -> None:
+    table = pi.track(boxes([straight(0, -5, 10)], 30), period_s=PERIOD_S)
+    tracks = table[table.frame.isin(seen)]
+    frames = RecordedFrames(Path("nowhere"), tuple(range(32)))  # without clouds
+    times = pytest.approx(PERIOD_S * (np.arange(32) + 0.5))
+    for end in ("jsonl", "json", "mcap"):
+        pi.export_tracks(tracks, tmp_path / f"a.{end}", frames=frames)
+    rows = [json.loads(line) for line in (tmp_path / "a.jsonl").read_text().splitlines()]
+    assert [row["frame"] for row in rows] == list(range(32))
+    assert [row["t_s"] for row in rows] == times
+    assert [k for k, row in enumerate(rows) if row["tracks"]] == seen
+    issues = openlabel_checker.core.check_file(str(tmp_path / "a.json")).issues
+    assert [str(issue) for issue in issues] == []
+    document = json.loads((tmp_path / "a.json").read_text())["openlabel"]["frames"]
+    assert [float(f["frame_properties"]["timestamp"]) for f in document.values()] == times
+    assert [int(k) for k, frame in document.items() if frame["objects"]] == seen
+    with (tmp_path / "a.mcap").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        read = [(c.topic, m) for _, c, _, m in reader.iter_decoded_messages()]
+    assert len(read) == 64
+    found = [m.detections for topic, m in read if topic == "/lidar/tracks"]
+    assert [k for k, detections in enumerate(found) if detections] == seen
 
 
 def test_messages_of_ros_have_the_same_tracks(tmp_path: Path) -> None:

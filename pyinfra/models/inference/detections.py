@@ -30,23 +30,33 @@ class Detections(pd.DataFrame):  # type: ignore[misc]  # pandas has no types
     def _constructor(self) -> type[Detections]:
         return Detections
 
-    def save(self, folder: StrPath, frames: Sequence[int] | None = None) -> Path:
+    def save(
+        self,
+        folder: StrPath,
+        frames: Sequence[int] | None = None,
+        lidar_folder: StrPath | None = None,
+    ) -> Path:
         """Writes a KITTI result file for each frame to a folder, and returns its path.
 
         frames: frame numbers, also of frames without boxes, which get an empty file; by default the
-        frames of the table. The camera is that of a simulated LiDAR. Raises Error for a missing
-        column.
+        frames of the table. lidar_folder: LiDAR's folder with the calibrations of the frames; by
+        default the camera is that of a simulated LiDAR. Raises Error for a missing column, and
+        FormatError for an invalid calibration.
         """
         if missing := [name for name in COLUMNS if name not in self.columns]:
             names = ", ".join(COLUMNS)
             raise Error(f"detections: expected the columns {names}; {missing[0]} is missing")
         out = path_of(folder, "folder")
+        numbers = sorted(set(self.frame.tolist()) | set(() if frames is None else frames))
+        cameras = Cameras((kitti.simulated(),), np.zeros(len(numbers), np.int64))
+        if lidar_folder is not None:
+            cameras = read_cameras(path_of(lidar_folder, "lidar_folder"), numbers)
         out.mkdir(parents=True, exist_ok=True)
-        for number in sorted(set(self.frame.tolist()) | set(() if frames is None else frames)):
+        for number, camera in zip(numbers, cameras.of_frame, strict=True):
             rows = self[self.frame == number]
             names, boxes = rows["type"].to_numpy(np.str_), rows[BOX].to_numpy(np.float64)
             labels = kitti.Labels(names, boxes, rows["score"].to_numpy(np.float64))
-            kitti.write_labels(out / f"{int(number):06d}.txt", labels)
+            kitti.write_labels(out / f"{int(number):06d}.txt", labels, cameras.different[camera])
         return out
 
     @classmethod

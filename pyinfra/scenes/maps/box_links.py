@@ -8,21 +8,23 @@ from pyinfra.core.arrays import FloatArray, IntArray, NameArray
 # Maximum distance of a box from the predicted position, if the velocity of the track is known.
 _REACH_M = 3.0
 _FIRST_REACH_M_S = 40.0  # maximum speed from the first box of a track to the second box
-_LOST_S = 0.35  # a track without a box for longer than this has ended
+# A track without a box for longer than both of these has ended.
+_LOST_S, _LOST_STEPS = 0.35, 3.5
 _FAR = 1e6  # cost of a pair that is not allowed
 
 
-def link(times: FloatArray, boxes: FloatArray, classes: NameArray) -> IntArray:
+def link(times: FloatArray, boxes: FloatArray, classes: NameArray, step_s: float = 0.1) -> IntArray:
     """Returns track numbers (n,) for boxes (n, 7) at times (n,), assuming constant velocity.
 
-    All boxes of a track have the same class and different times.
+    All boxes of a track have the same class and different times. step_s: usual time between frames.
     """
+    lost_s = max(_LOST_S, _LOST_STEPS * step_s)
     out = np.full(len(times), -1)
     last: list[int] = []  # latest row of each track
     speed: list[FloatArray | None] = []
     for t in np.unique(times):
         rows = np.flatnonzero(times == t)
-        live = [k for k, row in enumerate(last) if t - times[row] <= _LOST_S]
+        live = [k for k, row in enumerate(last) if t - times[row] <= lost_s]
         for k, row in _matched(live, rows, last, speed, times, boxes, classes):
             speed[k] = (boxes[row, :2] - boxes[last[k], :2]) / (t - times[last[k]])
             last[k] = row

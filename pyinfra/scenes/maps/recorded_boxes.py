@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.errors import Error, FormatError
-from pyinfra.dataset.frame_readers import read_cameras
+from pyinfra.dataset.frame_readers import has_key, read_labelled, read_vehicles
 from pyinfra.dataset.world_frame import boxes_to_world
 from pyinfra.formats.csv_table import expect, numbers, read_words
-from pyinfra.formats.kitti import frame_file, frames, read_labels, read_lidar
+from pyinfra.formats.kitti import frames, read_lidar
 from pyinfra.scenes.maps.box_links import link
 from pyinfra.scenes.maps.tracks import CLASSES
 
@@ -104,7 +104,10 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
             f"{file}:{row + 2}: heading: expected radians, got {boxes[row, 6]:g}; for degrees, set "
             "`degrees`"
         )
-    ids = words["id"].to_numpy(str) if "id" in words.columns else link(times, boxes, classes)
+    if "id" in words.columns:
+        ids = words["id"].to_numpy(str)
+    else:
+        ids = link(times, boxes, classes, _usual_step(times))
     tracks = _tracks(file, times, boxes, classes, ids)
     names = set(map(str, ids[unsized]))
     return [replace(track, has_mean_size=track.name in names) for track in tracks]
@@ -122,30 +125,34 @@ def _fill_sizes(file: Path, words: pd.DataFrame, sizes: FloatArray) -> BoolArray
 
 
 def read_frames(folder: Path) -> list[BoxTrack]:
-    """Reads the labels of a LiDAR's folder (KITTI layout) and links them to tracks.
+    """Reads the labelled objects of a LiDAR's folder (KITTI layout) as tracks.
 
+    Objects with the id of a track are that track, of its most frequent class. Others are linked.
     The tracks are in the world frame. Raises FormatError and OSError.
     """
-    lidar = read_lidar(folder)
-    pose = lidar.T_world_levelled
-    times, boxes, names = [], [np.zeros((0, 7))], [np.zeros(0, str)]
-    numbers = frames(folder)
-    cameras = read_cameras(folder, numbers)
-    for frame, camera in zip(numbers, cameras.of_frame, strict=True):
-        file = frame_file(folder, "label_2", frame)
-        labels = read_labels(file, calibration=cameras.different[camera])
-        times += [(frame + 0.5) * lidar.period_s] * len(labels.boxes)
-        boxes.append(labels.boxes)
-        names.append(labels.names.astype(str))
-    if not times:
+    lidar, numbers = read_lidar(folder), np.array(frames(folder), dtype=np.int64)
+    tracked = has_key(folder, b"ids", b" tracks") and (folder / "training/objects").is_dir()
+    found = (read_vehicles if tracked else read_labelled)(folder, numbers.tolist())
+    if not len(found):
         raise FormatError(f"{folder}: expected one or more labels, got none")
-    all_boxes, classes = boxes_to_world(np.concatenate(boxes), pose), np.concatenate(names)
-    wrong = sorted(set(classes) - set(CLASSES))
+    wrong = sorted(set(found.names) - set(CLASSES))
     if wrong:
         known = ", ".join(CLASSES)
         raise FormatError(f"{folder}: expected one of the classes {known}; got '{wrong[0]}'")
-    at = np.array(times)
-    return _tracks(folder, at, all_boxes, classes, link(at, all_boxes, classes))
+    times = (numbers[found.frame].astype(np.float64) + 0.5) * lidar.period_s
+    boxes = boxes_to_world(found.boxes, lidar.T_world_levelled)
+    ids, classes = found.ids.copy(), pd.Series(found.names)
+    new = np.flatnonzero(ids < 0)
+    step_s = lidar.period_s * _usual_step(numbers)
+    ids[new] = ids.max() + 1 + link(times[new], boxes[new], found.names[new], step_s)
+    usual = classes.groupby(ids).transform(lambda names: names.mode()[0]).to_numpy(str)
+    return _tracks(folder, times, boxes, usual, ids)
+
+
+def _usual_step(times: FloatArray | IntArray) -> float:
+    """Returns the median step between times or numbers; 1 for a single one."""
+    steps = np.diff(np.unique(times))
+    return float(np.median(steps)) if len(steps) else 1.0
 
 
 def separator_of(file: Path) -> str:
