@@ -13,8 +13,8 @@ from pyinfra.dataset.catalogue import lidar_file, scene_file
 
 FRAMES = (40, 400)
 POSE = [-14.0, 9.5, 5.0, -30.0, 8.0]
-# Two sparse trees near the pose. Vehicles behind them are nearer and farther than 31 m, from where a
-# beam of 0.1 degrees has sub-rays.
+# Two sparse trees near the pose. Vehicles behind them are nearer and farther than 31 m, from where
+# a beam of 0.1 degrees has sub-rays.
 CROWN = {"y_m": 10.5, "height_m": 7.0, "trunk_m": 1.5, "crown_m": 5.0, "density_per_m": 0.3}
 TREES = {"vegetation": [{"tree": {"x_m": x, **CROWN}} for x in (-19.0, -24.0)]}
 KEYS = dict(zip(["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"], POSE, strict=True))
