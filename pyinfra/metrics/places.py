@@ -8,7 +8,7 @@ the same.
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import pandas as pd
@@ -16,8 +16,8 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import Subset
 from pyinfra.formats.csv_table import existing, read_csv
-from pyinfra.metrics.comparison import over_seeds
-from pyinfra.metrics.replicates import bootstrapped_of, check_pair
+from pyinfra.metrics.comparison import clipped
+from pyinfra.metrics.replicates import bootstrapped_of, check_pair, over_seeds
 
 MEASURES = {
     "ap_r1000": "ap_r1000",
@@ -142,16 +142,11 @@ def _row(place: Place, minus: Place | None, measure: str) -> dict[str, object]:
     name = MEASURES[measure]
     values = []
     for digest, rows in place.rows.items():
-        figure = bootstrapped_of(rows[name])
-        values.append(figure.less(bootstrapped_of(minus.rows[digest][name])) if minus else figure)
-    interval = over_seeds(values)
-    least = -100.0 if minus else 0.0
-    ends = (
-        (max(interval.low, least), min(interval.high, 100.0))
-        if interval.is_known
-        else (math.nan,) * 2
-    )
-    head = (place.name, minus.name if minus else "", measure, interval.value, *ends)
+        one = bootstrapped_of(rows[name])
+        values.append(one.less(bootstrapped_of(minus.rows[digest][name])) if minus else one)
+    figure = over_seeds(values, [rows[name] for rows in place.rows.values()])
+    figure = clipped(figure, -100.0 if minus else 0.0, 100.0)
+    head = (place.name, minus.name if minus else "", measure, *astuple(figure))
     return dict(zip(COLUMNS, (*head, len(values), _frames(place)), strict=True))
 
 

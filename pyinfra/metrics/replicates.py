@@ -15,7 +15,7 @@ import pandas as pd
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 from pyinfra.dataset.frames_version import frames_version_of, written_versions
-from pyinfra.metrics.comparison import Bootstrapped
+from pyinfra.metrics.comparison import Bootstrapped, Interval, mean_of, over_replicates
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, ap_r1000_of, high_quality_share
 from pyinfra.metrics.ground_truth import GroundTruth
 from pyinfra.metrics.intervals import Blocks, ratio
@@ -212,3 +212,23 @@ def difference(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> Bootstra
     """
     check_pair(a, b, also)
     return bootstrapped_of(a).less(bootstrapped_of(b))
+
+
+def over_seeds(figures: Sequence[Bootstrapped], rows: Sequence[pd.Series]) -> Interval:
+    """Returns the mean of a figure over seeds, with its interval.
+
+    Seeds of the same vehicles and frames are trainings on the same traffic. Their replicates are
+    averaged, and the interval is the bootstrap over blocks of time. For different traffic it is
+    Student's t interval over the traffic.
+
+    rows: for each seed, a row of the table from which its figure was computed. Raises Error for
+    seeds of the same traffic with replicates of different blocks.
+    """
+    by_traffic: dict[str, list[int]] = {}
+    for k, row in enumerate(rows):
+        by_traffic.setdefault(_same(row, "vehicles_digest"), []).append(k)
+    for same in by_traffic.values():
+        for k in same[1:]:
+            check_pair(rows[same[0]], rows[k])
+    means = [mean_of([figures[k] for k in same]) for same in by_traffic.values()]
+    return means[0].measured() if len(means) == 1 else over_replicates([m.value for m in means])

@@ -2,13 +2,16 @@
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from evaluation_data import Vehicle, box, car, write_lidar, write_predictions, write_roads
 
+import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.core.errors import Error
 from pyinfra.metrics.evaluate import evaluate
+from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.metrics.match_input import block_seconds
 from pyinfra.metrics.places import compare_places
@@ -97,6 +100,35 @@ def test_seeds_are_paired_by_their_vehicles_whatever_the_folders_are_called(
     assert difference.value == pytest.approx(sum(seeds) / 3, abs=0.01)
     spread = pd.Series(seeds).std() / 3**0.5
     assert difference.high - difference.value == pytest.approx(4.3027 * spread, rel=0.01)
+
+
+def test_trainings_on_the_same_frames_have_the_interval_of_the_traffic(tmp_path: Path) -> None:
+    """The trainings miss nearly the same vehicles, so Student's t over them is far too narrow."""
+    frames = vehicles(hidden=False)
+    write_roads(tmp_path)
+    gt = write_lidar(tmp_path / "lidar", frames, period_s=1.0)
+    hard = np.random.default_rng(0).random((FRAMES, 2))
+
+    def trained(lost: float, seed: int, **settings: int) -> Evaluation:
+        kept = hard > lost
+        kept[seed] = False
+        boxes = [
+            [(box(v), 0.9) for v, keep in zip(*row, strict=True) if keep]
+            for row in zip(frames, kept, strict=True)
+        ]
+        folder = write_predictions(tmp_path / f"{lost}_{seed}", boxes)
+        return evaluate(gt, folder, Settings(ground_truths=("present",), **settings))
+
+    a, b = ([trained(lost, seed) for seed in (1, 2, 3)] for lost in (0.1, 0.3))
+    both, one = pi.compare(a, b), pi.compare(a[0], b[0])
+    assert isinstance(both, pi.Interval)
+    assert isinstance(one, pi.Interval)
+    assert both.value == pytest.approx(one.value, abs=1)
+    assert both.high - both.low == pytest.approx(one.high - one.low, rel=0.1)
+    assert len(pi.compare(a, b, by="distance")) > 0
+    other = [trained(lost, 4, replicates=100) for lost in (0.1, 0.3)]
+    with pytest.raises(Error, match="replicates: expected the same"):
+        pi.compare([a[0], other[0]], [b[0], other[1]])
 
 
 def test_places_with_other_vehicles_are_refused_by_their_file(
