@@ -137,6 +137,58 @@ def test_the_lines_of_a_verdict_say_what_would_settle_or_change_it(units: Units)
     assert "`find` 0.83 would be met" in how
 
 
+@pytest.mark.parametrize(
+    ("share", "false", "first", "then"),
+    [
+        (
+            Interval(0.97, 0.95, 0.99),
+            Interval(0.10, 0.05, 0.15),
+            "Not met: no option within the budget finds 90 of 100 with at most 6 false boxes a",
+            "A higher budget or more poles may help; `false_per_minute` 90 would be met.",
+        ),
+        (
+            Interval(0.7, 0.6, 0.8),
+            Interval(0.10, 0.05, 0.15),
+            "Not met: no option within the budget finds 90 of 100 with at most 6 false boxes a",
+            "A higher budget or more poles may help; `find` 0.6 and `false_per_minute` 90 would be",
+        ),
+        (
+            Interval(0.97, 0.95, 0.99),
+            Interval(0.008, 0.002, 0.014),
+            "Not known whether there are at most 6 false boxes a minute: ",
+            "About 270 simulated frames",
+        ),
+        (
+            Interval(0.91, 0.89, 0.93),
+            Interval(0.008, 0.002, 0.014),
+            "Not known whether 90 of 100 are found with at most 6 false boxes a minute: ",
+            "About 270 simulated frames",
+        ),
+        (
+            Interval(0.91, 0.89, 0.93),
+            Interval(0, 0, 0.004),
+            "Not known whether 90 of 100 are found: ",
+            "About 120 simulated frames",
+        ),
+        (
+            Interval(0.97, 0.95, 0.99),
+            Interval(0.0099, 0.0, 0.02),
+            "Not known whether there are at most 6",
+            "The number of false boxes is too close to the requirement",
+        ),
+    ],
+)
+def test_the_lines_of_a_verdict_are_of_the_condition_that_decides(
+    units: Units, share: Interval, false: Interval, first: str, then: str
+) -> None:
+    """6 false boxes a minute are 0.01 in a frame."""
+    one = replace(standing(0.9), recall=share, false_per_frame=false)
+    request = Request(9000, find=0.9, false_per_minute=6)
+    lines = list(verdict_lines([(chosen(units, 2), one)], request, 30))
+    assert lines[0].startswith(first)
+    assert lines[1].startswith(then)
+
+
 def test_a_share_is_not_rounded_up_to_the_wanted_one(units: Units) -> None:
     line, *_ = verdict_lines([(chosen(units, 2), standing(0.8996))], Request(9000, find=0.9), 30)
     assert "finds 89.96 of 100" in line
