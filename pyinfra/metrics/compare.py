@@ -48,8 +48,8 @@ def compare(
 
     Raises
     ------
-    Error : for evaluations of different frames, label times, objects, thresholds or metrics, or
-        lists of unequal length
+    Error : for evaluations of different frames, label times, objects or settings, or lists of
+        unequal length
 
     Examples
     --------
@@ -132,4 +132,5 @@ def _measured(evaluation: Evaluation, subset: str) -> dict[str, object]:
         "metrics": metric,
         "ious": threshold_of(metric, settings.ious[0]),
         "min_points": settings.min_points if subset == "captured" else None,
+        "min_score": settings.min_score,
     }

@@ -24,6 +24,8 @@ MEASURES = {
     "recall_percent": "recall",
 }  # name of a measure in the result: name in replicates.csv
 MEASURED_BY = ("class", "metric", "iou")  # columns of a row that define its AP
+# Columns that define it too, which rows of earlier versions lack.
+SETTINGS = ("types", "min_points", "min_score")
 # Columns of replicates.csv in each version.
 REQUIRED = (
     *("ground_truth", "measure", "value", "blocks"),
@@ -60,7 +62,7 @@ def compare_places(folders: Sequence[Path], which: Subset = "present") -> pd.Dat
 
     Raises
     ------
-    Error : for places whose vehicles, frames, label times, classes, thresholds or metrics differ
+    Error : for places whose vehicles, frames, label times, classes, metrics or settings differ
     FileNotFoundError : for a folder without an evaluation
     """
     places = [read_place(folder, which) for folder in folders]
@@ -119,7 +121,7 @@ def read_place(folder: Path, which: Subset) -> Place:
 def check_pairs(places: Sequence[Place]) -> None:
     """Raises Error unless all places have evaluations of the same vehicles and frames.
 
-    Class, threshold and metric must also be the same.
+    Class, threshold, metric and, if both rows have them, the settings must also be the same.
     """
     first = places[0]
     for other in places[1:]:
@@ -135,7 +137,8 @@ def check_pairs(places: Sequence[Place]) -> None:
                 "the key `regions` in the scene, all mounts have the same region)"
             )
         for digest, rows in other.rows.items():
-            check_pair(first.rows[digest]["ap_r1000"], rows["ap_r1000"], MEASURED_BY)
+            one, row = first.rows[digest]["ap_r1000"], rows["ap_r1000"]
+            check_pair(one, row, (*MEASURED_BY, *(s for s in SETTINGS if s in one and s in row)))
 
 
 def _row(place: Place, minus: Place | None, measure: str) -> dict[str, object]:

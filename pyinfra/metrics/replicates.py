@@ -127,7 +127,7 @@ def replicate_rows(
 ) -> pd.DataFrame:
     """Returns the rows of one ground truth, with the columns COLUMNS and the replicates.
 
-    same: the result of `same_of`.
+    same: the result of `same_of`, and further columns.
     """
     rows = []
     for measure, figure in estimates:

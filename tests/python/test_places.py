@@ -10,6 +10,7 @@ from evaluation_data import Vehicle, box, car, write_lidar, write_predictions, w
 import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.core.errors import Error
+from pyinfra.core.vocabulary import Subset
 from pyinfra.metrics.evaluate import evaluate
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.ground_truth import read_ground_truth
@@ -18,7 +19,6 @@ from pyinfra.metrics.places import compare_places
 from pyinfra.metrics.settings import Settings
 
 FRAMES = 200  # one frame per second: eight blocks of 25 s
-SETTINGS = Settings(ground_truths=("present", "all"))
 
 
 def vehicles(hidden: bool, seed: int = 0) -> list[list[Vehicle]]:
@@ -31,7 +31,13 @@ def vehicles(hidden: bool, seed: int = 0) -> list[list[Vehicle]]:
     ]
 
 
-def evaluated(out: Path, frames: list[list[Vehicle]], missed: int = FRAMES + 1) -> Path:
+def evaluated(
+    out: Path,
+    frames: list[list[Vehicle]],
+    missed: int = FRAMES + 1,
+    *,
+    which: Subset = "present",
+) -> Path:
     """Returns the folder of an evaluation. Vehicles with points are detected, except in every
     `missed`-th frame."""
     data = out.parent / f"{out.name}_data"
@@ -42,7 +48,8 @@ def evaluated(out: Path, frames: list[list[Vehicle]], missed: int = FRAMES + 1) 
         [(box(v), 0.9) for v in frame if v["points"] and (k + 1) % missed]
         for k, frame in enumerate(frames)
     ]
-    evaluate(gt, write_predictions(data / "predictions", predictions), SETTINGS).save(out)
+    settings = Settings(ground_truths=(which, "all"))
+    evaluate(gt, write_predictions(data / "predictions", predictions), settings).save(out)
     return out
 
 
@@ -149,16 +156,39 @@ def test_places_with_other_vehicles_are_refused_by_their_file(
         (Settings(ground_truths=("present",), metrics=("3d",)), "metric"),
         (Settings(ground_truths=("present",), metrics=("centre",)), "metric"),
         (Settings(ground_truths=("present",), classes={"truck": ("Truck",)}), "class"),
+        (Settings(ground_truths=("present",), classes={"vehicle": ("Car", "Van")}), "types"),
+        (Settings(ground_truths=("present",), min_score=0.1), "min_score"),
+        (Settings(ground_truths=("captured",), min_points=6), "min_points"),
     ],
 )
-def test_places_of_another_class_threshold_or_metric_are_refused(
+def test_places_that_were_measured_otherwise_are_refused(
     tmp_path: Path, other: Settings, name: str
 ) -> None:
-    one = evaluated(tmp_path / "one", vehicles(hidden=False))
+    which = other.ground_truths[0]
+    one = evaluated(tmp_path / "one", vehicles(hidden=False), which=which)
     data = tmp_path / "one_data"
     evaluate(data / "lidar", data / "predictions", other).save(tmp_path / "other")
     with pytest.raises(Error, match=f"{name}: expected the same"):
-        compare_places([one, tmp_path / "other"])
+        compare_places([one, tmp_path / "other"], which)
+
+
+def test_settings_that_do_not_define_the_ap_may_differ(tmp_path: Path) -> None:
+    """`min_points` selects vehicles of `captured` only. Older folders do not name the settings."""
+    one = evaluated(tmp_path / "one", vehicles(hidden=False))
+    data = tmp_path / "one_data"
+    few = Settings(ground_truths=("present",), min_points=6, min_objects=5)
+    evaluate(data / "lidar", data / "predictions", few).save(tmp_path / "other")
+    assert (
+        compare_places([one, tmp_path / "other"]).dropna().query("minus != ''").value == 0
+    ).all()
+    low = Settings(ground_truths=("present",), min_score=0.1)
+    result = evaluate(data / "lidar", data / "predictions", low)
+    with pytest.raises(Error, match="min_score: expected the same"):
+        pi.compare(result, evaluate(data / "lidar", data / "predictions", few))
+    result.save(tmp_path / "older")
+    file = tmp_path / "older/replicates.csv"
+    pd.read_csv(file).drop(columns=["types", "min_points", "min_score"]).to_csv(file, index=False)
+    assert len(compare_places([one, tmp_path / "older"])) > 0
 
 
 def test_a_difference_has_no_interval_if_the_ap_has_none(tmp_path: Path) -> None:
