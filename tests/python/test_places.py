@@ -11,6 +11,8 @@ import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import Subset
+from pyinfra.formats import csv_table
+from pyinfra.formats.csv_table import write_csv
 from pyinfra.metrics.evaluate import evaluate
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.ground_truth import read_ground_truth
@@ -189,6 +191,24 @@ def test_settings_that_do_not_define_the_ap_may_differ(tmp_path: Path) -> None:
     file = tmp_path / "older/replicates.csv"
     pd.read_csv(file).drop(columns=["types", "min_points", "min_score"]).to_csv(file, index=False)
     assert len(compare_places([one, tmp_path / "older"])) > 0
+
+
+def test_a_stopped_evaluation_leaves_no_older_replicates(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = evaluated(tmp_path / "one", vehicles(hidden=False))
+    result = evaluate(tmp_path / "one_data/lidar", tmp_path / "one_data/predictions", Settings())
+
+    def stopped(file: Path, *words: object) -> None:
+        if file.name == "replicates.csv":
+            raise KeyboardInterrupt
+        write_csv(file, *words)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(csv_table, "write_csv", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        result.save(one)
+    with pytest.raises(FileNotFoundError, match=r"No replicates.csv"):
+        compare_places([one, one])
 
 
 def test_a_difference_has_no_interval_if_the_ap_has_none(tmp_path: Path) -> None:
