@@ -12,7 +12,7 @@ import pyinfra as pi
 from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.fused import fused
-from pyinfra.experiments.planner import answer
+from pyinfra.experiments.planner import answer, predict, simulate
 from pyinfra.experiments.planner import detectability as laws
 from pyinfra.experiments.planner.answer import price_line, verdict_lines
 from pyinfra.experiments.planner.check import paired, share
@@ -25,10 +25,11 @@ from pyinfra.experiments.planner.sensitivity import PRICES, Move, cases_of, loss
 from pyinfra.experiments.planner.simulate import Found, frames_at
 from pyinfra.experiments.planner.site import PlanSite, choice_end, open_site, other_traffic
 from pyinfra.experiments.planner.verdict import Standing, in_order, verdict
-from pyinfra.metrics.comparison import Interval
+from pyinfra.metrics.comparison import Interval, clipped
 
 POSE = [-14.0, 9.5, 5.0, -30.0, 0.0]
 ONE = [(POSE, simulation.load_lidar(lidar_file("helios_16")))]
+NAN = float("nan")
 NO_POSES = pd.DataFrame({"height_m": [6.0]})
 
 
@@ -105,6 +106,34 @@ def test_a_choice_that_stays_is_one_sentence(units: Units) -> None:
     assert "fall by 20 %, the choice is option 2 (helios_16), which finds 93 of 100" in line
     assert "no option is within the budget." in line
     assert line.endswith("stays the same.")
+
+
+def ap_row(ap: float, low: float, high: float) -> pd.Series:
+    return pd.Series({"ap_r1000": ap, "ap_r1000_low": low, "ap_r1000_high": high})
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        ([(63.0, NAN, NAN)], (63.0, NAN, NAN)),
+        ([(NAN, NAN, NAN), (63.0, 53.0, 73.0)], (63.0, 53.0, 73.0)),
+        ([(98.0, 90.0, 100.0)], (98.0, 93.0, 100.0)),
+        ([(50.0, NAN, NAN), (60.0, NAN, NAN)], (55.0, 0.0, 100.0)),
+        ([(NAN, NAN, NAN)], (NAN, NAN, NAN)),
+        ([], (NAN, NAN, NAN)),
+    ],
+)
+def test_the_mean_ap_of_seeds_has_an_interval_only_if_one_is_known(
+    rows: list[tuple[float, float, float]], expected: tuple[float, float, float]
+) -> None:
+    found = simulate._mean_ap([ap_row(*row) for row in rows])
+    np.testing.assert_allclose((found.value, found.low, found.high), expected)
+
+
+def test_clipping_keeps_an_unknown_interval_unknown() -> None:
+    assert clipped(Interval(5, -1, 200), 0, 100) == Interval(5, 0, 100)
+    assert not clipped(Interval(5, NAN, NAN), 0, 100).is_known
+    assert not predict._limited([NAN, 0.5, 0.6], 1, 0.1).is_known
 
 
 def test_a_verdict_follows_from_the_interval() -> None:

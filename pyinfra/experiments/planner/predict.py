@@ -25,7 +25,7 @@ from pyinfra.experiments.planner.detectability import (
 )
 from pyinfra.experiments.planner.observe import Objects, Observed
 from pyinfra.experiments.planner.request import Request, of_name
-from pyinfra.metrics.comparison import Interval
+from pyinfra.metrics.comparison import Interval, clipped
 
 Z95 = 1.959964
 SIMULATED, PREDICTED = "simulated", "predicted"
@@ -204,7 +204,7 @@ def moved_by_frame(found: AnyArray, frame: IntArray, frames: int, share: float) 
 def _limited(values: Sequence[float], most: float, variance: float) -> Interval:
     """Returns the first value with an interval within 0 to `most`."""
     half = _half_width(values, variance)
-    return Interval(values[0], max(0.0, values[0] - half), min(most, values[0] + half))
+    return clipped(Interval(values[0], values[0] - half, values[0] + half), 0, most)
 
 
 def _half_width(values: Sequence[float] | FloatArray, variance: float) -> float:
