@@ -218,7 +218,7 @@ def plan(
     check_grid(grid)
     priced = read_costs(None if costs is None else path_of(costs, "costs"), years, law, period_s)
     site = open_site(scene, frames, preset=preset, seed=seed, centre_m=centre_m, period_s=period_s)
-    check_site(site, request, check_frames, drawn=areas is not None)
+    check_site(site, request, law, check_frames, drawn=areas is not None)
 
     # Candidates: poses and LiDARs.
     asked = open_lidars(lidars, site)

@@ -24,7 +24,7 @@ from pyinfra.experiments.planner.detectability import (
     object_terms,
 )
 from pyinfra.experiments.planner.observe import Objects, Observed
-from pyinfra.experiments.planner.request import Request, of_name
+from pyinfra.experiments.planner.request import Request, can_be_found, of_name
 from pyinfra.metrics.comparison import Interval, clipped
 
 Z95 = 1.959964
@@ -119,7 +119,7 @@ def predict(
         of_people = _either(_seen(observed, units, person), law.people, cut, len(person))
         count = min(probability.shape[1], of_people.shape[1])
         probability = np.where(person[:, None], of_people[:, :count], probability[:, :count])
-    known = ~person | (law.people is not None)
+    known = can_be_found(objects.table, law)
     std = np.where(person, law.unseen.people, law.unseen.recall)
 
     def share(counted: BoolArray) -> Interval:
