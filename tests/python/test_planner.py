@@ -21,6 +21,7 @@ from pyinfra.experiments.planner.candidates import (
     POSE,
     make_candidates,
     off_carriageways,
+    read_candidates,
     with_faults,
 )
 from pyinfra.experiments.planner.choice import (
@@ -338,6 +339,25 @@ def test_people_have_no_weight_for_a_detector_that_finds_none(site: PlanSite) ->
         assert (objects.weight[~person] == 5).all()
 
 
+def test_a_blank_cell_of_a_pose_is_a_missing_value(tmp_path: Path, site: PlanSite) -> None:
+    file = tmp_path / "poses.csv"
+    grid = pi.PoseGrid(heights_m=(4.0, 6.0), pitches_deg=(0.0, 10.0), yaws=3)
+    file.write_text("x_m,y_m,z_m,yaw_deg,pitch_deg,existing,arm_m,bearing_deg\n"
+                    "-14,9.5,5,90,2,yes,3,180\n-14,-9.5,,,,,,\n-20,-9.5,5,,2,no,,\n")  # fmt: skip
+    poses = read_candidates(file, site, grid)
+    rows = dict(list(poses.groupby(["foot_x_m", "foot_y_m"])))
+    (whole,) = rows[-14, 9.5][[*POSE, "turn"]].to_numpy(float).tolist()
+    assert whole == pytest.approx([-14, 6.5, 5, 90, 2, 0])
+    made = rows[-14, -9.5]
+    assert len(made) == 2 * 3 * 2
+    assert made.kind.eq("file").all()
+    assert not made.existing.any()
+    assert len(rows[-20, -9.5]) == 3
+    file.write_text("x_m,y_m\n-14,-9.5\n")
+    without = read_candidates(file, site, grid)
+    pd.testing.assert_frame_equal(made.reset_index(drop=True), without, check_dtype=False)
+
+
 def test_crossings_of_a_map_are_one_area_of_people(tmp_path: Path) -> None:
     assert crossings_of(tmp_path, 1.0) == ()
     rows = "[{x_m: 1, y_m: 2}, {x_m: 5, y_m: 2}]"
@@ -391,6 +411,8 @@ def test_wrong_requests_say_what_works(change: dict[str, object], message: str) 
         ("x_m,y_m\n", "expected one pose or more"),
         ("x_m,y_m,existing\n-14,9.5,maybe\n", r":2: existing: expected yes or no"),
         ("x_m,y_m\n-14,\n", r":2: y_m: expected a number"),
+        ("x_m,y_m,z_m\n-14,9.5,1e6\n", r":2: z_m: expected a number"),
+        ("x_m,y_m,arm_m,bearing_deg\n-14,9.5,2,\n", r":2: bearing_deg: expected -360 to 360"),
     ],
 )
 def test_wrong_files_of_poses_say_what_works(tmp_path: Path, rows: str, message: str) -> None:
