@@ -14,7 +14,8 @@ from pyinfra.core.errors import Error
 from pyinfra.core.names import path_of
 from pyinfra.core.public import public
 from pyinfra.core.vocabulary import Tier
-from pyinfra.experiments.options import Option, read_options
+from pyinfra.experiments.option import Option
+from pyinfra.experiments.options import read_options
 from pyinfra.experiments.requirements import Requirements, checked_requirements, unlike
 from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.row_selection import COUNTED, OFF_REGION

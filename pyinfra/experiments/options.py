@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,15 +14,15 @@ from pyinfra.core.errors import Error
 from pyinfra.dataset.frames_version import LEARNT, MAY_BE_BETTER, other_frames
 from pyinfra.dataset.windows import REGION_M
 from pyinfra.experiments.benchmark.replicates import ExperimentReplicates
-from pyinfra.experiments.coverage import ROAD, coverage
+from pyinfra.experiments.coverage import coverage
+from pyinfra.experiments.option import Option, mean_option
 from pyinfra.experiments.requirements import FRAME_MS, Requirements
 from pyinfra.experiments.result_tables import Results, check_tier, hardly_learnt, read_results
 from pyinfra.experiments.value import KEY, MOUNTS, SITE_ITEMS, mounts_of
-from pyinfra.metrics.comparison import Interval, over_replicates
-from pyinfra.metrics.replicates import bootstrapped_of, difference, measure_of
+from pyinfra.metrics.comparison import Interval
+from pyinfra.metrics.replicates import bootstrapped_of, measure_of
 from pyinfra.metrics.row_selection import (
     AP_OF,
-    AP_R1000,
     OFF_REGION,
     ap_name,
     common_seeds,
@@ -32,87 +31,6 @@ from pyinfra.metrics.row_selection import (
     preset_of_answers,
     with_whole,
 )
-
-UNKNOWN = Interval(math.nan, math.nan, math.nan)
-
-
-@dataclass(frozen=True)
-class Option:
-    """A finished experiment.
-
-    Prices include LiDAR and site. "All vehicles" are the vehicles of ground truth `whole`. Road is
-    covered inside windows whose AP of all vehicles is above the required AP. For the low end of
-    `covered_m`, the AP of each window is replaced by the low end of its interval; for the high end,
-    by the high end. A window without an interval counts at the high end only. At a site of lanes,
-    squares are counted instead of metres of road.
-    """
-
-    scene: str
-    preset: str
-    lidar: str
-    detector: str
-    ap_whole: Interval  # AP (R1000) of all vehicles, 0 to 100
-    ap_visible: Interval  # AP (R1000) of the vehicles that are visible from the mount
-    hidden: float  # share of the vehicles that are hidden from the mount; NaN if unknown
-    ap: Interval  # AP (R1000) of the vehicles that the LiDAR captured
-    price_usd: float  # mean of low and high
-    price_low_usd: float
-    price_high_usd: float
-    price_source: str  # source of the LiDAR's price; empty if unknown
-    site_usd: float  # part of the price that is not for LiDARs
-    site_items: Mapping[str, float]  # items whose sum is site_usd; empty if unknown
-    covered_m: Interval  # covered road; the interval is unknown if `no_interval` gives a reason
-    road_m: float  # road that was evaluated within the required range; NaN if unknown
-    latency_ms: float  # median time per frame on one core; NaN if it was not measured
-    latency_low_ms: float  # low end of its interval; NaN in tables of earlier versions
-    latency_p95_ms: float
-    machine: str  # computer on which the latency was measured; empty if unknown
-    other_cores: float  # cores that other processes used during that measurement; NaN if unknown
-    replicates: (
-        pd.Series | None
-    )  # bootstrap replicates of ap_whole; None in tables of earlier versions
-    range_m: float = math.nan  # range within which AP was computed; NaN: the whole region
-    recall: Interval = UNKNOWN  # percent of all vehicles within range_m, predictions of any score
-    covered_in: str = ROAD  # what covered_m and road_m measure
-    no_interval: str = ""  # why covered_m has no interval
-    frame_ms: float = FRAME_MS  # frame period of the LiDAR
-    ap_name: str = AP_R1000  # name of the AP measure; in tables of version 0.2 it is AP (R40)
-    # Percent of all vehicles of the region that a box of any score matches.
-    detected: Interval | None = None
-    whole: str = "present"  # ground truth of ap_whole (`with_whole`)
-    mounts: int = 1  # number of LiDARs whose frames are fused
-    off_region_per_min: float = math.nan  # boxes outside the region, score 0.5 or more
-    hardly_learnt: bool = False  # whether the detector is a network trained in the smoke tier
-    per_seed: tuple[float, ...] = ()  # AP of all vehicles in each seed, if there are several
-    # AP of this option minus that of another one, by name, in replicates (benchmark/until.py)
-    replicated: Mapping[str, Interval] = field(default_factory=dict)
-    other_frames: str = ""  # remark if the detector learnt from frames of a different version
-
-    @property
-    def name(self) -> str:
-        return f"{self.lidar} with {self.detector}"
-
-    @property
-    def least_latency_ms(self) -> float:
-        """Low end of the interval of the latency, without the time that other processes took."""
-        return self.latency_low_ms if self.latency_low_ms >= 0 else self.latency_ms
-
-    def less(self, other: Option) -> Interval:
-        """Returns the paired difference of the AP of all vehicles, this option minus the other.
-
-        If a benchmark compared the two in replicates, this is the result. With several seeds, it is
-        Student's t interval of the differences of the seeds. Otherwise
-        the difference has no interval if one of the options has no bootstrap replicates. Raises
-        Error for replicates of different blocks of time.
-        """
-        if other.name in self.replicated:
-            return self.replicated[other.name]
-        if len(self.per_seed) > 1:
-            pairs = zip(self.per_seed, other.per_seed, strict=True)
-            return over_replicates([a - b for a, b in pairs])
-        if self.replicates is None or other.replicates is None:
-            return Interval(self.ap_whole.value - other.ap_whole.value, math.nan, math.nan)
-        return difference(self.replicates, other.replicates).measured()
 
 
 def read_options(
@@ -130,10 +48,10 @@ def options_of(
 ) -> list[Option]:
     """Returns the finished experiments of a scene, ordered by AP of all vehicles, then by price.
 
-    The options have the seeds that all of them have. If there are several, figures are means over
-    the seeds, with Student's t intervals, and prices and latencies are of the first. preset: by
-    default the result of `preset_of_answers`. Raises Error for an invalid table, for a scene or
-    preset without results, and for a table in which experiments are missing.
+    The options have the seeds that all of them have. If there are several, figures are those of
+    `mean_option`, and prices and latencies are of the first. preset: by default the result of
+    `preset_of_answers`. Raises Error for an invalid table, for a scene or preset without results,
+    and for a table in which experiments are missing.
     """
     done = results.finished()
     if done.empty:
@@ -145,23 +63,9 @@ def options_of(
     parts = [first_seed(rows)] if len(seeds) == 1 else [rows[seed == number] for number in seeds]
     by_name = [{o.name: o for o in _of_seed(results, part, requirements)} for part in parts]
     names = [name for name in by_name[0] if all(name in options for options in by_name)]
-    options = [over_seeds([options[name] for options in by_name]) for name in names]
+    options = [mean_option([options[name] for options in by_name]) for name in names]
     options = with_replicates(options, results.table("until"))
     return sorted(options, key=lambda o: (-np.nan_to_num(o.ap_whole.value), o.price_usd))
-
-
-def over_seeds(options: Sequence[Option]) -> Option:
-    """Returns an option with the mean figures of its seeds, which have independent traffic."""
-    first = options[0]
-    if len(options) == 1:
-        return first
-    figures = ("ap_whole", "ap_visible", "ap", "covered_m", "recall")
-    means: dict[str, Any] = {
-        name: over_replicates([getattr(option, name).value for option in options])
-        for name in figures
-    }
-    per_seed = tuple(option.ap_whole.value for option in options)
-    return replace(first, per_seed=per_seed, no_interval="", **means)
 
 
 def with_replicates(options: Sequence[Option], until: pd.DataFrame) -> list[Option]:
@@ -327,6 +231,7 @@ def other_frames_of(row: pd.Series) -> str:
 
 def option(row: pd.Series, replicates: ExperimentReplicates) -> Option:
     recall = replicates.row(row, row.whole, "recall")
+    ap = replicates.row(row, row.whole, *(measure_of(m) for m in [row.range_m] if m >= 0))
     return Option(
         scene=row.scene,
         preset=row.preset,
@@ -350,9 +255,7 @@ def option(row: pd.Series, replicates: ExperimentReplicates) -> Option:
         frame_ms=row.frame_ms,
         machine=str(row.get("latency_machine", "")),
         other_cores=row.latency_other_cores,
-        replicates=replicates.row(
-            row, row.whole, *(measure_of(m) for m in [row.range_m] if m >= 0)
-        ),
+        replicates=() if ap is None else (ap,),
         range_m=row.range_m,
         recall=Interval(row.recall, row.recall_low, row.recall_high),
         covered_in=row.covered_in,

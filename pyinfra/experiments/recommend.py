@@ -18,8 +18,8 @@ from pyinfra.dataset.lidars import UNCONFIRMED
 from pyinfra.dataset.windows import REGION_M
 from pyinfra.experiments.coverage import ROAD
 from pyinfra.experiments.fairness import caveat_of_results
+from pyinfra.experiments.option import Option
 from pyinfra.experiments.option_table import latency, option_table, price, price_range
-from pyinfra.experiments.options import Option
 from pyinfra.experiments.requirements import Requirements, place_of
 from pyinfra.experiments.value import SITE_ITEMS
 from pyinfra.metrics.comparison import Interval

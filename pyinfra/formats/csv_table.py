@@ -22,7 +22,7 @@ WORDS = frozenset(
         "vehicles_digest label_time road set quality aggregation detail source what claim "
         "statement verdict "
         "dominated_by pareto model class protocol place minus "
-        "price_source price_date inputs recipe findings reason command commit version "
+        "types price_source price_date inputs recipe findings reason command commit version "
         "frames_version learnt_frames_version "
         "latency_version latency_machine machine"
     ).split()

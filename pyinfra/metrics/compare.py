@@ -10,10 +10,10 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.core.public import public
 from pyinfra.core.vocabulary import Subset
-from pyinfra.metrics.comparison import Interval, over_seeds
+from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.matching import threshold_of
-from pyinfra.metrics.replicates import difference
+from pyinfra.metrics.replicates import difference, over_seeds
 from pyinfra.metrics.settings import Settings
 
 
@@ -31,7 +31,7 @@ def compare(
     ----------
     a, b : two evaluations of the same frames and objects, for instance of two detectors, or of two
         LiDARs in one scene. Two lists of evaluations are also accepted, with one evaluation per
-        seed. The seeds must have the same order in both lists
+        seed of the traffic or of the training. The seeds must have the same order in both lists
     ground_truth : name of a ground-truth subset, such as `captured`; by default the first subset
         that both evaluations have
     by : `distance` for the difference in each ring of 20 m around the sensor
@@ -42,13 +42,14 @@ def compare(
     significant; rings that one of the evaluations lacks are left out. Otherwise an `Interval`:
 
     value, low, high : the difference and its 95 % interval. For two single evaluations the interval
-        comes from a bootstrap over blocks of time. For two lists it is Student's t interval of the
-        seeds' differences. The difference is significant if the interval excludes 0.
+        comes from a bootstrap over blocks of time, and so does that of two lists in which all seeds
+        have the same vehicles and frames. Otherwise, for two lists it is Student's t interval over
+        the different traffic. The difference is significant if the interval excludes 0.
 
     Raises
     ------
-    Error : for evaluations of different frames, label times, objects, thresholds or metrics, or
-        lists of unequal length
+    Error : for evaluations of different frames, label times, objects or settings, or lists of
+        unequal length
 
     Examples
     --------
@@ -67,11 +68,12 @@ def compare(
         raise Error(
             "compare: expected a different seed in each pair, got the same two results twice"
         )
+    firsts = [first for first, _ in chosen]
     try:
-        overall = over_seeds([difference(*rows) for rows in chosen])
+        overall = over_seeds([difference(*rows) for rows in chosen], firsts)
     except ValueError as error:
         raise Error(f"compare: {error}") from None
-    return overall if by is None else _by_distance(pairs, str(chosen[0][0].ground_truth))
+    return overall if by is None else _by_distance(pairs, firsts)
 
 
 def _pairs(
@@ -88,12 +90,16 @@ def _pairs(
     return list(zip(a, b, strict=True))
 
 
-def _by_distance(pairs: Sequence[tuple[Evaluation, Evaluation]], subset: str) -> pd.DataFrame:
+def _by_distance(
+    pairs: Sequence[tuple[Evaluation, Evaluation]], firsts: Sequence[pd.Series]
+) -> pd.DataFrame:
+    """Returns the differences in rings. firsts: the row of AP of the first of each pair."""
+    subset = str(firsts[0].ground_truth)
     rings = [(x.rings(subset), y.rings(subset)) for x, y in pairs]
     common = [ring for ring in rings[0][0] if all(ring in one for pair in rings for one in pair)]
     rows = []
     for ring in common:
-        figure = over_seeds([x[ring].less(y[ring]) for x, y in rings])
+        figure = over_seeds([x[ring].less(y[ring]) for x, y in rings], firsts)
         rows.append({"distance_m": ring, **vars(figure), "significant": figure.is_significant})
     return pd.DataFrame(rows, columns=["distance_m", "value", "low", "high", "significant"])
 
@@ -126,4 +132,5 @@ def _measured(evaluation: Evaluation, subset: str) -> dict[str, object]:
         "metrics": metric,
         "ious": threshold_of(metric, settings.ious[0]),
         "min_points": settings.min_points if subset == "captured" else None,
+        "min_score": settings.min_score,
     }

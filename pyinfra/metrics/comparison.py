@@ -70,19 +70,23 @@ class Bootstrapped:
         return Interval(self.value, float(low), float(high))
 
 
-def over_seeds(values: Sequence[Bootstrapped]) -> Interval:
-    """Returns the mean over seeds, with Student's t interval over the seeds.
+def mean_of(figures: Sequence[Bootstrapped]) -> Bootstrapped:
+    """Returns the mean of figures with replicates of the same blocks."""
+    value = float(np.mean([one.value for one in figures]))
+    return Bootstrapped(value, np.mean([one.replicates for one in figures], 0), figures[0].blocks)
 
-    For a single seed the interval is the bootstrap over blocks of time.
-    """
-    return values[0].measured() if len(values) == 1 else over_replicates([v.value for v in values])
+
+def clipped(figure: Interval, low: float, high: float) -> Interval:
+    """Returns a figure whose ends are clipped to a range. Unknown ends stay NaN."""
+    ends = np.clip([figure.low, figure.high], low, high).tolist()
+    return Interval(figure.value, *ends)
 
 
 def over_replicates(per_seed: Sequence[float], level: float = intervals.LEVEL) -> Interval:
     """Returns the mean of a figure over seeds, with Student's t interval at confidence `level`.
 
-    The seeds must be independent: each seed has its own traffic and training. Both ends are NaN for
-    fewer than two seeds.
+    The seeds must be independent: each seed has its own traffic and training
+    (`replicates.over_seeds` checks the traffic). Both ends are NaN for fewer than two seeds.
     """
     values = np.asarray(per_seed, dtype=np.float64)
     if len(values) < 2:

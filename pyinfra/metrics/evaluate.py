@@ -20,6 +20,7 @@ rules are in the section "AP and matching" of docs/conventions/evaluation.md.
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
 from collections.abc import Sequence
@@ -296,7 +297,11 @@ def _primary_tables(
             near = list(by_range(match_result))
             by_table["ranges"] = pd.DataFrame([row for row, _ in near])
             measures += [(measure_of(row["range_m"]), r1000) for row, r1000 in near]
-        same = same_of(one.truth, match_result.blocks, settings.seed)
+        same = same_of(one.truth, match_result.blocks, settings.seed) | {
+            "types": " ".join(sorted(next(iter(settings.classes.values())))),
+            "min_points": settings.min_points if which == "captured" else math.nan,
+            "min_score": settings.min_score,
+        }
         by_table |= {
             "areas": area_table(match_result, *areas),
             "errors": error_table(match_result),

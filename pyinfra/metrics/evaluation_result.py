@@ -12,12 +12,13 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.errors import Error
+from pyinfra.core.files import alone
 from pyinfra.core.names import StrPath, path_of
 from pyinfra.core.present import Presented
 from pyinfra.core.vocabulary import Subset
 from pyinfra.dataset.frame_tables import Predictions
 from pyinfra.dataset.regions import FOOTWAYS_M
-from pyinfra.formats.csv_table import write_tables
+from pyinfra.formats.csv_table import existing, write_tables
 from pyinfra.metrics.comparison import Bootstrapped
 from pyinfra.metrics.evaluation_tables import (
     shown_ap,
@@ -81,7 +82,12 @@ class Evaluation(Presented):
 
     def save(self, folder: StrPath) -> list[Path]:
         """Writes the tables as CSV files to a folder, and returns the files."""
-        return write_tables(path_of(folder, "folder"), self.tables())
+        path = path_of(folder, "folder")
+        with alone(path):
+            # If this process is stopped, no rows of an earlier evaluation are beside the new AP.
+            if (older := existing(path / "replicates.csv")).is_file():
+                older.unlink()
+            return write_tables(path, self.tables())
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draws AP (R1000) by distance, as `plot_ap_by_distance`."""

@@ -8,7 +8,7 @@ the same.
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import pandas as pd
@@ -16,14 +16,16 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import Subset
 from pyinfra.formats.csv_table import existing, read_csv
-from pyinfra.metrics.comparison import over_seeds
-from pyinfra.metrics.replicates import bootstrapped_of, check_pair
+from pyinfra.metrics.comparison import clipped
+from pyinfra.metrics.replicates import bootstrapped_of, check_pair, over_seeds
 
 MEASURES = {
     "ap_r1000": "ap_r1000",
     "recall_percent": "recall",
 }  # name of a measure in the result: name in replicates.csv
 MEASURED_BY = ("class", "metric", "iou")  # columns of a row that define its AP
+# Columns that define it too, which rows of earlier versions lack.
+SETTINGS = ("types", "min_points", "min_score")
 # Columns of replicates.csv in each version.
 REQUIRED = (
     *("ground_truth", "measure", "value", "blocks"),
@@ -60,7 +62,7 @@ def compare_places(folders: Sequence[Path], which: Subset = "present") -> pd.Dat
 
     Raises
     ------
-    Error : for places whose vehicles, frames, label times, classes, thresholds or metrics differ
+    Error : for places whose vehicles, frames, label times, classes, metrics or settings differ
     FileNotFoundError : for a folder without an evaluation
     """
     places = [read_place(folder, which) for folder in folders]
@@ -119,7 +121,7 @@ def read_place(folder: Path, which: Subset) -> Place:
 def check_pairs(places: Sequence[Place]) -> None:
     """Raises Error unless all places have evaluations of the same vehicles and frames.
 
-    Class, threshold and metric must also be the same.
+    Class, threshold, metric and, if both rows have them, the settings must also be the same.
     """
     first = places[0]
     for other in places[1:]:
@@ -135,23 +137,19 @@ def check_pairs(places: Sequence[Place]) -> None:
                 "the key `regions` in the scene, all mounts have the same region)"
             )
         for digest, rows in other.rows.items():
-            check_pair(first.rows[digest]["ap_r1000"], rows["ap_r1000"], MEASURED_BY)
+            one, row = first.rows[digest]["ap_r1000"], rows["ap_r1000"]
+            check_pair(one, row, (*MEASURED_BY, *(s for s in SETTINGS if s in one and s in row)))
 
 
 def _row(place: Place, minus: Place | None, measure: str) -> dict[str, object]:
     name = MEASURES[measure]
     values = []
     for digest, rows in place.rows.items():
-        figure = bootstrapped_of(rows[name])
-        values.append(figure.less(bootstrapped_of(minus.rows[digest][name])) if minus else figure)
-    interval = over_seeds(values)
-    least = -100.0 if minus else 0.0
-    ends = (
-        (max(interval.low, least), min(interval.high, 100.0))
-        if interval.is_known
-        else (math.nan,) * 2
-    )
-    head = (place.name, minus.name if minus else "", measure, interval.value, *ends)
+        one = bootstrapped_of(rows[name])
+        values.append(one.less(bootstrapped_of(minus.rows[digest][name])) if minus else one)
+    figure = over_seeds(values, [rows[name] for rows in place.rows.values()])
+    figure = clipped(figure, -100.0 if minus else 0.0, 100.0)
+    head = (place.name, minus.name if minus else "", measure, *astuple(figure))
     return dict(zip(COLUMNS, (*head, len(values), _frames(place)), strict=True))
 
 

@@ -15,7 +15,7 @@ import pandas as pd
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 from pyinfra.dataset.frames_version import frames_version_of, written_versions
-from pyinfra.metrics.comparison import Bootstrapped
+from pyinfra.metrics.comparison import Bootstrapped, Interval, mean_of, over_replicates
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, ap_r1000_of, high_quality_share
 from pyinfra.metrics.ground_truth import GroundTruth
 from pyinfra.metrics.intervals import Blocks, ratio
@@ -51,7 +51,7 @@ def figures(
 
     - ap_r1000: AP (R1000)
     - n_hqda, p_hqda: number and percentage of high-quality areas
-    - ap_slope: change of AP per 10 m along the first road, if there are enough windows
+    - ap_slope: change of AP per 10 m along the first road, if enough windows have an AP
     - recall: recall in percent of all counted predictions
 
     If too few blocks of time have objects, all replicates are NaN.
@@ -69,10 +69,12 @@ def figures(
         share = match_result.known(high_quality_share(table, replicates), objects)
         yield "p_hqda", Bootstrapped(100 * float(high) / int(counts.sum()), share, blocks)
     windows, ap_replicates = distance
-    ahead = (windows.road == windows.road.iloc[0]) & windows.s.between(*AHEAD_M)
-    ahead &= windows.ap_r1000_high > windows.ap_r1000_low
-    if ahead.sum() >= LEAST_WINDOWS:
-        yield "ap_slope", slope(windows[ahead], ap_replicates[ahead], blocks)
+    ahead = ((windows.road == windows.road.iloc[0]) & windows.s.between(*AHEAD_M)).to_numpy()
+    aps = np.column_stack([windows.ap_r1000[ahead], ap_replicates[ahead]])
+    per_10_m, *changes = slope(windows.s[ahead].to_numpy(np.float64), aps)
+    if np.isfinite(per_10_m):
+        known = match_result.known(np.array(changes), objects)
+        yield "ap_slope", Bootstrapped(float(per_10_m), known, blocks)
     yield "recall", recall(match_result)
 
 
@@ -91,17 +93,18 @@ def recall(match_result: MatchResult) -> Bootstrapped:
     return Bootstrapped(float(value), known, match_result.blocks.count)
 
 
-def slope(windows: pd.DataFrame, replicates: FloatArray, blocks: float) -> Bootstrapped:
-    """Returns the change of AP per 10 m, from a weighted least-squares line.
+def slope(s: FloatArray, aps: FloatArray) -> FloatArray:
+    """Returns the change of AP per 10 m (replicates,), from a least-squares line.
 
-    The weight of a window is 1 over the square of its interval's width. replicates: (windows,
-    replicates).
+    All windows with an AP have the same weight, so that LiDARs with different AP are compared over
+    the same distances. The change is NaN if fewer than LEAST_WINDOWS windows have an AP. s:
+    (windows,) metres. aps: (windows, replicates), NaN where undefined.
     """
-    weight = 1 / (windows.ap_r1000_high - windows.ap_r1000_low).to_numpy() ** 2
-    tens = windows.s.to_numpy() / 10
-    away = weight * (tens - np.average(tens, weights=weight))
-    gain = away / (away @ tens)
-    return Bootstrapped(float(gain @ windows.ap_r1000), gain @ replicates, blocks)
+    known, tens = ~np.isnan(aps), s[:, None] / 10
+    count = known.sum(0)
+    away = known * (tens - ratio((known * tens).sum(0), count))
+    changes = ratio((away * np.nan_to_num(aps)).sum(0), (away**2).sum(0))
+    return np.where(count >= LEAST_WINDOWS, changes, np.nan)
 
 
 def same_of(truth: GroundTruth, blocks: Blocks, seed: int) -> dict[str, object]:
@@ -124,7 +127,7 @@ def replicate_rows(
 ) -> pd.DataFrame:
     """Returns the rows of one ground truth, with the columns COLUMNS and the replicates.
 
-    same: the result of `same_of`.
+    same: the result of `same_of`, and further columns.
     """
     rows = []
     for measure, figure in estimates:
@@ -212,3 +215,23 @@ def difference(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> Bootstra
     """
     check_pair(a, b, also)
     return bootstrapped_of(a).less(bootstrapped_of(b))
+
+
+def over_seeds(figures: Sequence[Bootstrapped], rows: Sequence[pd.Series]) -> Interval:
+    """Returns the mean of a figure over seeds, with its interval.
+
+    Seeds of the same vehicles and frames are trainings on the same traffic. Their replicates are
+    averaged, and the interval is the bootstrap over blocks of time. For different traffic it is
+    Student's t interval over the traffic.
+
+    rows: for each seed, a row of the table from which its figure was computed. Raises Error for
+    seeds of the same traffic with replicates of different blocks.
+    """
+    by_traffic: dict[str, list[int]] = {}
+    for k, row in enumerate(rows):
+        by_traffic.setdefault(_same(row, "vehicles_digest"), []).append(k)
+    for same in by_traffic.values():
+        for k in same[1:]:
+            check_pair(rows[same[0]], rows[k])
+    means = [mean_of([figures[k] for k in same]) for same in by_traffic.values()]
+    return means[0].measured() if len(means) == 1 else over_replicates([m.value for m in means])

@@ -163,17 +163,21 @@ def not_decided(replicates: int) -> str:
     return NOT_KNOWN if replicates >= TESTS_AFTER[-1] else UNDECIDED
 
 
-def of_value(cheaper_ends: Collection[tuple[float, float]], replicates: int) -> str:
-    """Returns the verdict of the claim `value` if the Avia reaches the level.
+def of_value(avia: str, cheaper_ends: Collection[tuple[float, float]], replicates: int) -> str:
+    """Returns the verdict of the claim `value` unless the Avia is below the level.
 
-    The claim holds if each cheaper LiDAR is below the level, not merely if it is not above.
+    The claim fails if a cheaper LiDAR reaches the level, whether the Avia does or not. It holds if
+    each cheaper LiDAR is below the level, not merely if it is not above.
 
     Parameters
     ----------
+    avia : verdict on the Avia alone: whether it reaches the level
     cheaper_ends : intervals of the cheaper LiDARs' AP minus the level
     """
     if any(low > 0 for low, _ in cheaper_ends):
         return CHEAPER
+    if avia != HOLDS:
+        return avia
     return HOLDS if all(high < 0 for _, high in cheaper_ends) else not_decided(replicates)
 
 
@@ -236,11 +240,12 @@ def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
             if key[-1] not in claim.subsets or not set(claim.names) <= set(rows.lidar):
                 continue
             row, values = decided(claim, means)
-            if claim.name == "value" and row["verdict"] == HOLDS:
+            avia = str(row["verdict"])
+            if claim.name == "value" and avia in (HOLDS, UNDECIDED, NOT_KNOWN):
                 rivals = cheaper(set(original.lidar[rows.index]))
                 same = means.loc[values.index]
                 ends = [interval(above_level(same, name).to_numpy()) for name in rivals]
-                row["verdict"] = of_value(ends, len(values))
+                row["verdict"] = of_value(avia, ends, len(values))
             group = dict(zip(GROUP, key, strict=True))
             decides = (group["judge"], group["detector"]) in PRIMARY
             yield {**row, "primary": decides and group["label_time"] == "scan", **group}

@@ -130,13 +130,13 @@ def unseen_std(table: pd.DataFrame) -> dict[str, float]:
     def std(measured: pd.Series, predicted: pd.Series) -> float:
         groups = (measured - predicted).groupby([table.site, table.lidar, table.pose])
         noise = groups.var(ddof=1).mean() * (1 + 1 / groups.size().mean())
-        return math.sqrt(max(0.0, float((groups.mean() ** 2).mean() - noise)))
+        return float(np.sqrt(np.maximum(0.0, (groups.mean() ** 2).mean() - noise)))
 
     poses = table.groupby(["site", "lidar", "pose"])
     boxes = MEASURED_FRAMES * poses.false_measured.sum()
     ratio = np.log(poses.false_measured.mean() / poses.false_predicted.mean())
     ratio, boxes = ratio[boxes >= LEAST_BOXES], boxes[boxes >= LEAST_BOXES]
-    log_false = math.sqrt(max(0.0, float((ratio**2).mean() - (1 / boxes).mean())))
+    log_false = float(np.sqrt(np.maximum(0.0, (ratio**2).mean() - (1 / boxes).mean())))
     return {
         "recall": round(std(table.recall_measured, table.recall_predicted) / 100, 4),
         "people": PEOPLE_STD,

@@ -120,12 +120,12 @@ def test_algorithms_are_compared_with_the_best() -> None:
 
 
 def test_a_straight_line_has_its_slope_in_every_replicate() -> None:
-    windows = pd.DataFrame({"s": range(0, 50, 10), "ap_r1000": [90.0, 88, 86, 84, 82]})
-    windows = windows.assign(ap_r1000_low=windows.ap_r1000 - 2, ap_r1000_high=windows.ap_r1000 + 2)
-    replicates = np.outer(np.arange(5), [-1.0, -3.0]) + 90
-    bootstrapped = slope(windows, replicates, 10)
-    assert bootstrapped.value == pytest.approx(-2)
-    assert bootstrapped.replicates == pytest.approx([-1, -3])
+    s = np.arange(0.0, 60, 10)
+    aps = 90 + np.outer(np.arange(6), [-2.0, -1.0, -3.0])
+    aps[1, 1] = np.nan
+    assert slope(s, aps) == pytest.approx([-2, -1, -3])
+    aps[2, 1] = np.nan
+    assert np.isnan(slope(s, aps)).tolist() == [False, True, False]
 
 
 def test_gentle_is_the_avia_against_the_gentlest_of_the_others() -> None:

@@ -700,3 +700,26 @@ def test_label_lines_of_these_tests_are_what_the_reader_reads(tmp_path: Path) ->
     read = kitti.read_labels(file, scores=True)
     assert read.boxes[0] == pytest.approx(values, abs=1e-5)
     assert read.scores == 0.25
+
+
+@pytest.mark.parametrize("lost_near", [0.0, 0.02])
+def test_the_slope_of_ap_is_that_of_all_windows(tmp_path: Path, lost_near: float) -> None:
+    """Windows of a perfect detector have AP 100 in every replicate. They count like any other."""
+    frames = traffic(200)
+    random = np.random.default_rng(1)
+    boxes = [
+        [
+            (box(v), 0.9)
+            for v in frame
+            if random.random() > (lost_near if float(str(v["x"])) < 50 else 0.4)
+        ]
+        for frame in frames
+    ]
+    write_roads(tmp_path)
+    gt = write_lidar(tmp_path / "lidar", frames, period_s=1.0)
+    predictions = write_predictions(tmp_path / "predictions", boxes)
+    result = evaluate(gt, predictions, Settings(ground_truths=("captured",), block_s=5))
+    ahead = result.distance_ap[result.distance_ap.s.between(0, 100)].dropna(subset="ap_r1000")
+    rows = result.replicates[result.replicates.measure == "ap_slope"]
+    assert rows.value.tolist() == pytest.approx([10 * np.polyfit(ahead.s, ahead.ap_r1000, 1)[0]])
+    assert rows[[f"replicate_{k}" for k in range(1, 201)]].to_numpy().std() > 0

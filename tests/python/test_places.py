@@ -2,20 +2,25 @@
 
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from evaluation_data import Vehicle, box, car, write_lidar, write_predictions, write_roads
 
+import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.core.errors import Error
+from pyinfra.core.vocabulary import Subset
+from pyinfra.formats import csv_table
+from pyinfra.formats.csv_table import write_csv
 from pyinfra.metrics.evaluate import evaluate
+from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.metrics.match_input import block_seconds
 from pyinfra.metrics.places import compare_places
 from pyinfra.metrics.settings import Settings
 
 FRAMES = 200  # one frame per second: eight blocks of 25 s
-SETTINGS = Settings(ground_truths=("present", "all"))
 
 
 def vehicles(hidden: bool, seed: int = 0) -> list[list[Vehicle]]:
@@ -28,7 +33,13 @@ def vehicles(hidden: bool, seed: int = 0) -> list[list[Vehicle]]:
     ]
 
 
-def evaluated(out: Path, frames: list[list[Vehicle]], missed: int = FRAMES + 1) -> Path:
+def evaluated(
+    out: Path,
+    frames: list[list[Vehicle]],
+    missed: int = FRAMES + 1,
+    *,
+    which: Subset = "present",
+) -> Path:
     """Returns the folder of an evaluation. Vehicles with points are detected, except in every
     `missed`-th frame."""
     data = out.parent / f"{out.name}_data"
@@ -39,7 +50,8 @@ def evaluated(out: Path, frames: list[list[Vehicle]], missed: int = FRAMES + 1) 
         [(box(v), 0.9) for v in frame if v["points"] and (k + 1) % missed]
         for k, frame in enumerate(frames)
     ]
-    evaluate(gt, write_predictions(data / "predictions", predictions), SETTINGS).save(out)
+    settings = Settings(ground_truths=(which, "all"))
+    evaluate(gt, write_predictions(data / "predictions", predictions), settings).save(out)
     return out
 
 
@@ -99,6 +111,35 @@ def test_seeds_are_paired_by_their_vehicles_whatever_the_folders_are_called(
     assert difference.high - difference.value == pytest.approx(4.3027 * spread, rel=0.01)
 
 
+def test_trainings_on_the_same_frames_have_the_interval_of_the_traffic(tmp_path: Path) -> None:
+    """The trainings miss nearly the same vehicles, so Student's t over them is far too narrow."""
+    frames = vehicles(hidden=False)
+    write_roads(tmp_path)
+    gt = write_lidar(tmp_path / "lidar", frames, period_s=1.0)
+    hard = np.random.default_rng(0).random((FRAMES, 2))
+
+    def trained(lost: float, seed: int, **settings: int) -> Evaluation:
+        kept = hard > lost
+        kept[seed] = False
+        boxes = [
+            [(box(v), 0.9) for v, keep in zip(*row, strict=True) if keep]
+            for row in zip(frames, kept, strict=True)
+        ]
+        folder = write_predictions(tmp_path / f"{lost}_{seed}", boxes)
+        return evaluate(gt, folder, Settings(ground_truths=("present",), **settings))
+
+    a, b = ([trained(lost, seed) for seed in (1, 2, 3)] for lost in (0.1, 0.3))
+    both, one = pi.compare(a, b), pi.compare(a[0], b[0])
+    assert isinstance(both, pi.Interval)
+    assert isinstance(one, pi.Interval)
+    assert both.value == pytest.approx(one.value, abs=1)
+    assert both.high - both.low == pytest.approx(one.high - one.low, rel=0.1)
+    assert len(pi.compare(a, b, by="distance")) > 0
+    other = [trained(lost, 4, replicates=100) for lost in (0.1, 0.3)]
+    with pytest.raises(Error, match="replicates: expected the same"):
+        pi.compare([a[0], other[0]], [b[0], other[1]])
+
+
 def test_places_with_other_vehicles_are_refused_by_their_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -117,16 +158,57 @@ def test_places_with_other_vehicles_are_refused_by_their_file(
         (Settings(ground_truths=("present",), metrics=("3d",)), "metric"),
         (Settings(ground_truths=("present",), metrics=("centre",)), "metric"),
         (Settings(ground_truths=("present",), classes={"truck": ("Truck",)}), "class"),
+        (Settings(ground_truths=("present",), classes={"vehicle": ("Car", "Van")}), "types"),
+        (Settings(ground_truths=("present",), min_score=0.1), "min_score"),
+        (Settings(ground_truths=("captured",), min_points=6), "min_points"),
     ],
 )
-def test_places_of_another_class_threshold_or_metric_are_refused(
+def test_places_that_were_measured_otherwise_are_refused(
     tmp_path: Path, other: Settings, name: str
 ) -> None:
-    one = evaluated(tmp_path / "one", vehicles(hidden=False))
+    which = other.ground_truths[0]
+    one = evaluated(tmp_path / "one", vehicles(hidden=False), which=which)
     data = tmp_path / "one_data"
     evaluate(data / "lidar", data / "predictions", other).save(tmp_path / "other")
     with pytest.raises(Error, match=f"{name}: expected the same"):
-        compare_places([one, tmp_path / "other"])
+        compare_places([one, tmp_path / "other"], which)
+
+
+def test_settings_that_do_not_define_the_ap_may_differ(tmp_path: Path) -> None:
+    """`min_points` selects vehicles of `captured` only. Older folders do not name the settings."""
+    one = evaluated(tmp_path / "one", vehicles(hidden=False))
+    data = tmp_path / "one_data"
+    few = Settings(ground_truths=("present",), min_points=6, min_objects=5)
+    evaluate(data / "lidar", data / "predictions", few).save(tmp_path / "other")
+    assert (
+        compare_places([one, tmp_path / "other"]).dropna().query("minus != ''").value == 0
+    ).all()
+    low = Settings(ground_truths=("present",), min_score=0.1)
+    result = evaluate(data / "lidar", data / "predictions", low)
+    with pytest.raises(Error, match="min_score: expected the same"):
+        pi.compare(result, evaluate(data / "lidar", data / "predictions", few))
+    result.save(tmp_path / "older")
+    file = tmp_path / "older/replicates.csv"
+    pd.read_csv(file).drop(columns=["types", "min_points", "min_score"]).to_csv(file, index=False)
+    assert len(compare_places([one, tmp_path / "older"])) > 0
+
+
+def test_a_stopped_evaluation_leaves_no_older_replicates(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one = evaluated(tmp_path / "one", vehicles(hidden=False))
+    result = evaluate(tmp_path / "one_data/lidar", tmp_path / "one_data/predictions", Settings())
+
+    def stopped(file: Path, *words: object) -> None:
+        if file.name == "replicates.csv":
+            raise KeyboardInterrupt
+        write_csv(file, *words)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(csv_table, "write_csv", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        result.save(one)
+    with pytest.raises(FileNotFoundError, match=r"No replicates.csv"):
+        compare_places([one, one])
 
 
 def test_a_difference_has_no_interval_if_the_ap_has_none(tmp_path: Path) -> None:

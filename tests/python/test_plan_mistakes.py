@@ -174,6 +174,25 @@ def test_another_plan_is_not_replaced(folder: Path, tmp_path: Path) -> None:
     assert {file: file.read_bytes() for file in out.glob("*.*")} == before
 
 
+def test_two_plans_do_not_write_to_one_folder(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second plan starts while the first one observes, and would end with its own answer."""
+    scene, out = folder / "small.yaml", tmp_path / "out"
+    observed = observe._observed
+
+    def meanwhile(*words: object) -> object:
+        monkeypatch.setattr(observe, "_observed", observed)
+        with pytest.raises(pi.Error, match="another process writes to this folder"):
+            pi.plan(scene, 8000, out=out, **TINY)
+        return observed(*words)
+
+    monkeypatch.setattr(observe, "_observed", meanwhile)
+    pi.plan(scene, 9000, out=out, **TINY)
+    assert "budget_usd: '9000'" in (out / "plan.yaml").read_text()
+    assert "9,000" in (out / "answer.txt").read_text()
+
+
 def test_an_interrupted_plan_resumes_with_the_same_tables(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

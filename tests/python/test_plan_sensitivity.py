@@ -12,7 +12,7 @@ import pyinfra as pi
 from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.fused import fused
-from pyinfra.experiments.planner import answer
+from pyinfra.experiments.planner import answer, predict, simulate
 from pyinfra.experiments.planner import detectability as laws
 from pyinfra.experiments.planner.answer import price_line, verdict_lines
 from pyinfra.experiments.planner.check import paired, share
@@ -25,10 +25,11 @@ from pyinfra.experiments.planner.sensitivity import PRICES, Move, cases_of, loss
 from pyinfra.experiments.planner.simulate import Found, frames_at
 from pyinfra.experiments.planner.site import PlanSite, choice_end, open_site, other_traffic
 from pyinfra.experiments.planner.verdict import Standing, in_order, verdict
-from pyinfra.metrics.comparison import Interval
+from pyinfra.metrics.comparison import Interval, clipped
 
 POSE = [-14.0, 9.5, 5.0, -30.0, 0.0]
 ONE = [(POSE, simulation.load_lidar(lidar_file("helios_16")))]
+NAN = float("nan")
 NO_POSES = pd.DataFrame({"height_m": [6.0]})
 
 
@@ -107,6 +108,34 @@ def test_a_choice_that_stays_is_one_sentence(units: Units) -> None:
     assert line.endswith("stays the same.")
 
 
+def ap_row(ap: float, low: float, high: float) -> pd.Series:
+    return pd.Series({"ap_r1000": ap, "ap_r1000_low": low, "ap_r1000_high": high})
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        ([(63.0, NAN, NAN)], (63.0, NAN, NAN)),
+        ([(NAN, NAN, NAN), (63.0, 53.0, 73.0)], (63.0, 53.0, 73.0)),
+        ([(98.0, 90.0, 100.0)], (98.0, 93.0, 100.0)),
+        ([(50.0, NAN, NAN), (60.0, NAN, NAN)], (55.0, 0.0, 100.0)),
+        ([(NAN, NAN, NAN)], (NAN, NAN, NAN)),
+        ([], (NAN, NAN, NAN)),
+    ],
+)
+def test_the_mean_ap_of_seeds_has_an_interval_only_if_one_is_known(
+    rows: list[tuple[float, float, float]], expected: tuple[float, float, float]
+) -> None:
+    found = simulate._mean_ap([ap_row(*row) for row in rows])
+    np.testing.assert_allclose((found.value, found.low, found.high), expected)
+
+
+def test_clipping_keeps_an_unknown_interval_unknown() -> None:
+    assert clipped(Interval(5, -1, 200), 0, 100) == Interval(5, 0, 100)
+    assert not clipped(Interval(5, NAN, NAN), 0, 100).is_known
+    assert not predict._limited([NAN, 0.5, 0.6], 1, 0.1).is_known
+
+
 def test_a_verdict_follows_from_the_interval() -> None:
     request = Request(9000, find=0.9)
     assert verdict(standing(0.93), request) == "met"
@@ -135,6 +164,58 @@ def test_the_lines_of_a_verdict_say_what_would_settle_or_change_it(units: Units)
     missed, how = verdict_lines([(first, standing(0.85))], request, 30)
     assert "no option within the budget finds 90 of 100" in missed
     assert "`find` 0.83 would be met" in how
+
+
+@pytest.mark.parametrize(
+    ("share", "false", "first", "then"),
+    [
+        (
+            Interval(0.97, 0.95, 0.99),
+            Interval(0.10, 0.05, 0.15),
+            "Not met: no option within the budget finds 90 of 100 with at most 6 false boxes a",
+            "A higher budget or more poles may help; `false_per_minute` 90 would be met.",
+        ),
+        (
+            Interval(0.7, 0.6, 0.8),
+            Interval(0.10, 0.05, 0.15),
+            "Not met: no option within the budget finds 90 of 100 with at most 6 false boxes a",
+            "A higher budget or more poles may help; `find` 0.6 and `false_per_minute` 90 would be",
+        ),
+        (
+            Interval(0.97, 0.95, 0.99),
+            Interval(0.008, 0.002, 0.014),
+            "Not known whether there are at most 6 false boxes a minute: ",
+            "About 270 simulated frames",
+        ),
+        (
+            Interval(0.91, 0.89, 0.93),
+            Interval(0.008, 0.002, 0.014),
+            "Not known whether 90 of 100 are found with at most 6 false boxes a minute: ",
+            "About 270 simulated frames",
+        ),
+        (
+            Interval(0.91, 0.89, 0.93),
+            Interval(0, 0, 0.004),
+            "Not known whether 90 of 100 are found: ",
+            "About 120 simulated frames",
+        ),
+        (
+            Interval(0.97, 0.95, 0.99),
+            Interval(0.0099, 0.0, 0.02),
+            "Not known whether there are at most 6",
+            "The number of false boxes is too close to the requirement",
+        ),
+    ],
+)
+def test_the_lines_of_a_verdict_are_of_the_condition_that_decides(
+    units: Units, share: Interval, false: Interval, first: str, then: str
+) -> None:
+    """6 false boxes a minute are 0.01 in a frame."""
+    one = replace(standing(0.9), recall=share, false_per_frame=false)
+    request = Request(9000, find=0.9, false_per_minute=6)
+    lines = list(verdict_lines([(chosen(units, 2), one)], request, 30))
+    assert lines[0].startswith(first)
+    assert lines[1].startswith(then)
 
 
 def test_a_share_is_not_rounded_up_to_the_wanted_one(units: Units) -> None:

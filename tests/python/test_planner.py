@@ -21,6 +21,7 @@ from pyinfra.experiments.planner.candidates import (
     POSE,
     make_candidates,
     off_carriageways,
+    read_candidates,
     with_faults,
 )
 from pyinfra.experiments.planner.choice import (
@@ -32,14 +33,16 @@ from pyinfra.experiments.planner.choice import (
     upper_bound,
 )
 from pyinfra.experiments.planner.costs import open_lidars, read_costs
+from pyinfra.experiments.planner.detectability import read_detectability
 from pyinfra.experiments.planner.observe import check_site, observe, weighted_objects
 from pyinfra.experiments.planner.race import is_worse
-from pyinfra.experiments.planner.request import Request, crossings_of, of_name, read_areas
+from pyinfra.experiments.planner.request import Area, Request, crossings_of, of_name, read_areas
 from pyinfra.experiments.planner.simulate import frames_at
 from pyinfra.experiments.planner.site import PlanSite, frame_order, open_site
 from pyinfra.viz.plan_page import site_map
 from reproduction.detectability.fit import average_precision, fit_detection
 
+LAW = read_detectability("generalist")
 FEW = pi.PoseGrid(every_m=40, heights_m=(5.0,), pitches_deg=(0.0,), yaws=1)
 
 
@@ -56,13 +59,13 @@ def test_the_same_objects_count_for_every_pose(site: PlanSite) -> None:
 def test_frames_without_objects_are_counted(site: PlanSite) -> None:
     empty = site.frames[-1]
     rest = replace(site, present=site.present[site.present.frame != empty])
-    assert weighted_objects(rest, Request(9000), site.frames).frames == len(site.frames)
+    assert weighted_objects(rest, Request(9000), LAW, site.frames).frames == len(site.frames)
 
 
 def test_people_alone_are_no_traffic_that_a_plan_can_find(site: PlanSite) -> None:
     people = replace(site, present=site.present.assign(person=True))
     with pytest.raises(pi.Error, match="within_m: expected vehicles"):
-        check_site(people, Request(9000, people=1.0), 0, drawn=False)
+        check_site(people, Request(9000, people=1.0), LAW, 0, drawn=False)
 
 
 def test_frames_show_every_phase_of_a_pattern_of_200_frames() -> None:
@@ -309,7 +312,7 @@ def test_areas_have_their_weights_and_their_share(tmp_path: Path, site: PlanSite
     file = tmp_path / "areas.csv"
     file.write_text("name,x_m,y_m,radius_m,class,weight\nstop,-30,-3,20,vehicle,5\n")
     areas = read_areas(file)
-    objects = weighted_objects(site, Request(9000, areas=areas), site.frames)
+    objects = weighted_objects(site, Request(9000, areas=areas), LAW, site.frames)
     inside = of_name(areas, "stop", objects.table)
     assert 0 < inside.sum() < len(inside)
     assert (objects.weight[inside] == 5).all()
@@ -321,6 +324,38 @@ def test_areas_have_their_weights_and_their_share(tmp_path: Path, site: PlanSite
     file.write_text("name,x_m,y_m,radius_m,class\nstop,-30,-3,20,vehicles\n")
     with pytest.raises(pi.Error, match=r":2: class: expected vehicle, person, any"):
         read_areas(file)
+
+
+def test_people_have_no_weight_for_a_detector_that_finds_none(site: PlanSite) -> None:
+    """A simulation has no people for Background, so the prediction must not count them either."""
+    table = site.present.assign(person=np.arange(len(site.present)) % 3 == 0)
+    people = replace(site, present=table)
+    areas = (Area("all", *site.centre.tolist(), 200.0, 5.0),)
+    for detector, weight in (("generalist", 5), ("background", 0)):
+        law = read_detectability(detector)
+        objects = weighted_objects(people, Request(9000, areas=areas), law, site.frames)
+        person = objects.table.person.to_numpy(bool)
+        assert (objects.weight[person] == weight).all()
+        assert (objects.weight[~person] == 5).all()
+
+
+def test_a_blank_cell_of_a_pose_is_a_missing_value(tmp_path: Path, site: PlanSite) -> None:
+    file = tmp_path / "poses.csv"
+    grid = pi.PoseGrid(heights_m=(4.0, 6.0), pitches_deg=(0.0, 10.0), yaws=3)
+    file.write_text("x_m,y_m,z_m,yaw_deg,pitch_deg,existing,arm_m,bearing_deg\n"
+                    "-14,9.5,5,90,2,yes,3,180\n-14,-9.5,,,,,,\n-20,-9.5,5,,2,no,,\n")  # fmt: skip
+    poses = read_candidates(file, site, grid)
+    rows = dict(list(poses.groupby(["foot_x_m", "foot_y_m"])))
+    (whole,) = rows[-14, 9.5][[*POSE, "turn"]].to_numpy(float).tolist()
+    assert whole == pytest.approx([-14, 6.5, 5, 90, 2, 0])
+    made = rows[-14, -9.5]
+    assert len(made) == 2 * 3 * 2
+    assert made.kind.eq("file").all()
+    assert not made.existing.any()
+    assert len(rows[-20, -9.5]) == 3
+    file.write_text("x_m,y_m\n-14,-9.5\n")
+    without = read_candidates(file, site, grid)
+    pd.testing.assert_frame_equal(made.reset_index(drop=True), without, check_dtype=False)
 
 
 def test_crossings_of_a_map_are_one_area_of_people(tmp_path: Path) -> None:
@@ -376,6 +411,8 @@ def test_wrong_requests_say_what_works(change: dict[str, object], message: str) 
         ("x_m,y_m\n", "expected one pose or more"),
         ("x_m,y_m,existing\n-14,9.5,maybe\n", r":2: existing: expected yes or no"),
         ("x_m,y_m\n-14,\n", r":2: y_m: expected a number"),
+        ("x_m,y_m,z_m\n-14,9.5,1e6\n", r":2: z_m: expected a number"),
+        ("x_m,y_m,arm_m,bearing_deg\n-14,9.5,2,\n", r":2: bearing_deg: expected -360 to 360"),
     ],
 )
 def test_wrong_files_of_poses_say_what_works(tmp_path: Path, rows: str, message: str) -> None:

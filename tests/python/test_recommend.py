@@ -794,6 +794,50 @@ def test_a_recommendation_is_over_all_seeds(results: Path) -> None:
     assert both.difference.iloc[0] == 0
 
 
+def columns_of(table: pd.DataFrame, *names: str) -> pd.DataFrame:
+    ends = [f"{name}{end}" for name in names for end in ("", "_low", "_high")]
+    return table[[*ends]]
+
+
+def test_equal_trainings_on_the_same_traffic_have_the_intervals_of_one(results: Path) -> None:
+    figures = ("ap_r1000", "ap_captured_r1000", "ap_visible_r1000", "covered_m", "difference")
+    one = pi.recommend(results, min_ap=85).set_index(["lidar", "detector"])
+    add_second_seed(results, 0)
+    two = pi.recommend(results, min_ap=85).set_index(["lidar", "detector"])
+    assert (one.ap_r1000_low < one.ap_r1000).all()
+    assert (one.covered_m_low < one.covered_m).all()
+    pd.testing.assert_frame_equal(
+        columns_of(two, *figures), columns_of(one.loc[two.index], *figures), atol=1e-6
+    )
+
+
+def test_seeds_without_replicates_leave_the_difference_without_an_interval(results: Path) -> None:
+    add_second_seed(results, 4)
+    rows = results / "quick_replicates.csv"
+    pd.read_csv(rows).query("seed == 1").to_csv(rows, index=False)
+    table = pi.recommend(results, min_ap=2)
+    assert table.difference_low.iloc[1:].isna().all()
+    assert (table.ap_r1000_high - table.ap_r1000_low).to_numpy() == pytest.approx(2)
+
+
+def test_intervals_over_different_traffic_stay_within_what_is_possible(
+    results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With two seeds, Student's t is 12.7: the ends of most figures would be impossible."""
+    add_second_seed(results, 10)
+    change(results / "quick_replicates.csv", "seed == 2", vehicles_digest="another")
+    # All road of seed 1 is covered, and 40 m of 200 m of seed 2.
+    change(results / "quick_distance.csv", "seed == 1", ap=95.0)
+    table = pi.recommend(results, min_ap=85)
+    for name in ("ap_r1000", "ap_captured_r1000", "ap_visible_r1000"):
+        assert table[f"{name}_low"].min() == 0
+        assert table[f"{name}_high"].max() == 100
+    assert (table.covered_m == 120).all()
+    assert table.covered_m_low.isna().all()
+    lines = output_lines(capsys, results, "--budget", 1e6, "--min-ap", 85)
+    assert any("on 120 of 200 m of road (no interval: it would" in line for line in lines)
+
+
 def test_options_with_a_failed_seed_are_compared_in_the_seeds_of_all(results: Path) -> None:
     first = pi.recommend(results, min_ap=2).set_index(["lidar", "detector"])
     add_second_seed(results, 4)

@@ -207,7 +207,11 @@ def test_verdicts_leave_out_turned_cut_angles() -> None:
 def test_value_holds_only_if_each_cheaper_lidar_is_below_the_level(
     ends: list[tuple[float, float]], replicates: int, expected: str
 ) -> None:
-    assert verdicts.of_value(ends, replicates) == expected
+    assert verdicts.of_value("holds", ends, replicates) == expected
+    # Without the Avia's verdict, only a cheaper LiDAR that reaches the level decides.
+    for avia in ("undecided", "not known"):
+        fails = expected == verdicts.CHEAPER
+        assert verdicts.of_value(avia, ends, replicates) == (expected if fails else avia)
 
 
 def test_an_undecided_claim_is_not_known_after_ten_replicates() -> None:
@@ -304,6 +308,18 @@ def test_value_fails_if_a_cheaper_lidar_reaches_the_level() -> None:
     assert rows_of(bundle).loc["value", "present"].verdict == "holds"
     # no cheaper LiDAR has this AP
     assert rows_of(table()).loc["value", "present"].verdict == "holds"
+
+
+@pytest.mark.parametrize(
+    ("less", "expected"), [(10, verdicts.CHEAPER), (20, "fails below"), (0, verdicts.CHEAPER)]
+)
+def test_a_cheaper_lidar_that_reaches_the_level_decides_also_if_the_avia_is_open(
+    less: float, expected: str
+) -> None:
+    """The Avia's AP minus 80 is 11 -+ 4.4 in the table."""
+    bundle = table(avia="bundle_5_livox_avia").assign(scene="crossroad")
+    bundle.loc[bundle.lidar.str.contains("avia"), "ap_r1000"] -= less
+    assert rows_of(bundle).loc["value", "present"].verdict == expected
 
 
 def test_lidars_of_one_replicate_must_have_one_version_and_the_same_frames() -> None:

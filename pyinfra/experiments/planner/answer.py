@@ -23,7 +23,15 @@ from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.sensitivity import PERCENT, RAIN, Move
 from pyinfra.experiments.planner.simulate import Counting
 from pyinfra.experiments.planner.site import PlanSite
-from pyinfra.experiments.planner.verdict import LISTED, Compared, Standings, Verdict, verdict
+from pyinfra.experiments.planner.verdict import (
+    LISTED,
+    Compared,
+    Standings,
+    Verdict,
+    conditions,
+    frames_needed,
+    verdict,
+)
 from pyinfra.experiments.requirements import unlike
 from pyinfra.metrics.comparison import Interval
 from pyinfra.scenes.maps.site_traffic import lacking_traffic
@@ -123,34 +131,36 @@ def verdict_lines(options: Sequence[Option], request: Request, frames: int) -> I
         first += (
             f", with {per_minute * rate.value:.0f} false boxes a minute {ends(rate, per_minute)}"
         )
-    match verdict(standing, request):
+    few = f"at most {request.false_per_minute:g} false boxes a minute"
+    held = verdict(standing, request)
+    deciding = [name for name, one in conditions(standing, request).items() if one == held]
+    also = f" with {few}" if "false_per_minute" in deciding else ""
+    match held:
         case "met":
             yield f"Met: {first}."
         case "not known":
-            yield f"Not known whether {wanted:g} of 100 are found: {first}."
+            found, rare = f"{wanted:g} of 100 are found{also}", f"there are {few}"
+            yield f"Not known whether {found if 'find' in deciding else rare}: {first}."
             yield settled_by(standing, request, frames)
         case "not met":
-            yield f"Not met: no option within the budget finds {wanted:g} of 100; {first}."
-            do = f"`find` {math.floor(100 * share.low) / 100:g} would be met"
-            if rate.low > request.most_false:
-                do += f" and `false_per_minute` {math.ceil(per_minute * rate.high)} would be met"
-            yield f"A higher budget or more poles may help; {do}."
+            yield f"Not met: no option within the budget finds {wanted:g} of 100{also}; {first}."
+            least, most = math.floor(100 * share.low) / 100, math.ceil(per_minute * rate.high)
+            values = {"find": f"{least}", "false_per_minute": f"{most}"}
+            missed = " and ".join(f"`{name}` {values[name]}" for name in deciding)
+            yield f"A higher budget or more poles may help; {missed} would be met."
 
 
 def settled_by(standing: Standing, request: Request, frames: int) -> str:
     """Returns what would settle a verdict that is not known."""
-    share = standing.recall
     if standing.source != SIMULATED:
         return "A simulation in full (`check_frames` of 30 or more) gives a narrower interval."
-    away, half = abs(share.value - request.find), (share.high - share.low) / 2
-    enough = math.inf if away == 0 else frames * (half / away) ** 2
-    if enough > MOST_FRAMES:
-        return (
-            "The share is too close to the requirement for a practical simulation to answer this."
-        )
+    most, name = max((n, name) for name, n in frames_needed(standing, request, frames).items())
+    if most > MOST_FRAMES:
+        figure = "share" if name == "find" else "number of false boxes"
+        return f"The {figure} is too close to the requirement for a practical simulation."
     return (
-        f"About {math.ceil(enough / 10) * 10:,} simulated frames (`check_frames`) may answer this; "
-        "a recording at the site would."
+        f"About {math.ceil(most / 10 - 1e-9) * 10:,} simulated frames (`check_frames`) may answer "
+        "this; a recording at the site would."
     )
 
 

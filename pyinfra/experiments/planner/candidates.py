@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -95,7 +95,7 @@ def make_candidates(site: PlanSite, within_m: float, grid: PoseGrid) -> pd.DataF
 
 
 def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
-    """Reads poses from a CSV file. Heights, yaws or pitches that it does not give are made.
+    """Reads poses from a CSV file. Heights, yaws or pitches that a row does not give are made.
 
     Columns: x_m, y_m; optional z_m, yaw_deg, pitch_deg, and existing (yes or no) for a mast that
     needs no new pole; arm_m and bearing_deg for an arm of the mast, at whose end the LiDAR is.
@@ -110,10 +110,12 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
     if table.empty:
         raise FormatError(f"{file}: expected one pose or more, got none")
     for name in [name for name in (*POSE, *ARM) if name in table]:
-        expect(file, table[name], table[name].abs() <= 1e5, "a number")
+        blank = table[name].isna() & (name not in POSE[:2])
+        expect(file, table[name], blank | (table[name].abs() <= 1e5), "a number")
     check_metres(site.file.parent, table[POSE[:2]].to_numpy(float), f"{file}: x_m, y_m")
     if "existing" not in table:
         table["existing"] = "no"
+    table["existing"] = table.existing.fillna("no")
     expect(file, table.existing, table.existing.isin(["yes", "no"]), "yes or no")
     rows = table.drop_duplicates(["x_m", "y_m", "existing"])
     twice = rows.index[rows.duplicated(["x_m", "y_m"])]
@@ -122,10 +124,21 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
             f"{file}:{twice[0] + 2}: existing: expected one value for each position, got yes and no"
         )
     poses = on_arms(table.assign(kind="file", existing=table.existing == "yes"), file)
-    if "z_m" not in poses:
-        ground, _ = nearest_roads(site.roads, poses[["x_m", "y_m"]].to_numpy(float))
-        poses = each(poses.assign(z_m=ground + h) for h in grid.heights_m)
+    ground, _ = nearest_roads(site.roads, poses[["x_m", "y_m"]].to_numpy(float))
+    poses = filled(poses, "z_m", [{"z_m": ground + h} for h in grid.heights_m])
     return turned(poses, site, grid)
+
+
+def filled(
+    poses: pd.DataFrame, name: str, choices: Sequence[Mapping[str, FloatArray | float]]
+) -> pd.DataFrame:
+    """Returns the poses, and each pose without a value in a column with each of the choices.
+
+    choices: values by column; arrays are (poses,).
+    """
+    blank = poses[name].isna().to_numpy() if name in poses else np.ones(len(poses), bool)
+    made = (poses.assign(**choice)[blank] for choice in choices)
+    return each(part for part in (poses[~blank], *made) if len(part))
 
 
 def on_arms(poses: pd.DataFrame, file: Path) -> pd.DataFrame:
@@ -138,6 +151,8 @@ def on_arms(poses: pd.DataFrame, file: Path) -> pd.DataFrame:
         return feet
     if "bearing_deg" not in poses:
         raise FormatError(f"{file}:1: expected the column bearing_deg beside arm_m, got none")
+    poses = poses.assign(arm_m=poses.arm_m.fillna(0))
+    poses = poses.assign(bearing_deg=poses.bearing_deg.mask(poses.arm_m == 0, 0))
     for name, low, high in (("arm_m", 0.0, MOST_ARM_M), ("bearing_deg", -360.0, 360.0)):
         expect(file, poses[name], poses[name].between(low, high), f"{low:g} to {high:g}")
     bearing = np.radians(poses.bearing_deg)
@@ -159,21 +174,16 @@ def given_places(poses: pd.DataFrame) -> IntArray:
 
 
 def turned(poses: pd.DataFrame, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
-    """Returns the poses with each yaw and pitch, and the column `turn`.
+    """Returns the poses with each yaw and pitch where they have none, and the column `turn`.
 
     `turn` is 0 for the pose of LiDARs that see all around, which need no other.
     """
-    if "yaw_deg" in poses:
-        poses = poses.assign(turn=0.0)
-    else:
-        to_centre = site.centre - poses[["x_m", "y_m"]].to_numpy(float)
-        yaw = np.degrees(np.arctan2(to_centre[:, 1], to_centre[:, 0])).round(1)
-        steps = [(i + 1) // 2 * (-1) ** i * grid.yaw_step_deg for i in range(grid.yaws)]
-        poses = each(
-            poses.assign(yaw_deg=(yaw + s + 180) % 360 - 180, turn=float(s != 0)) for s in steps
-        )
-    if "pitch_deg" not in poses:
-        poses = each(poses.assign(pitch_deg=p) for p in grid.pitches_deg)
+    to_centre = site.centre - poses[["x_m", "y_m"]].to_numpy(float)
+    yaw = np.degrees(np.arctan2(to_centre[:, 1], to_centre[:, 0])).round(1)
+    steps = [(i + 1) // 2 * (-1) ** i * grid.yaw_step_deg for i in range(grid.yaws)]
+    yaws = [{"yaw_deg": (yaw + s + 180) % 360 - 180, "turn": float(s != 0)} for s in steps]
+    poses = filled(poses.assign(turn=0.0), "yaw_deg", yaws)
+    poses = filled(poses, "pitch_deg", [{"pitch_deg": p} for p in grid.pitches_deg])
     poses = poses[["kind", "existing", *POSE, "turn", *FOOT]]
     table = poses.drop_duplicates(POSE).sort_values(POSE, ignore_index=True)
     ground, _ = nearest_roads(site.roads, table[["x_m", "y_m"]].to_numpy(float))

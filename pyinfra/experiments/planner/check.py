@@ -15,7 +15,7 @@ from pyinfra.experiments.planner.request import Request, masks_of, weighted, wit
 from pyinfra.experiments.planner.simulate import Found, Parts, simulate_option
 from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.experiments.planner.verdict import LISTED, Compared, in_order
-from pyinfra.metrics.comparison import Interval
+from pyinfra.metrics.comparison import Interval, clipped
 from pyinfra.metrics.intervals import student
 
 MOST_SIMULATED = 6  # options that are simulated in full, beside one of another kind
@@ -100,7 +100,7 @@ def _over_frames(
 ) -> Interval:
     """Returns a figure with Student's interval over frames, within its possible values."""
     half = student(frames) * math.sqrt(variance)
-    return Interval(value, max(within[0], value - half), min(within[1], value + half))
+    return clipped(Interval(value, value - half, value + half), *within)
 
 
 def near_vehicles(found: Found, site: PlanSite, within_m: float) -> BoolArray:

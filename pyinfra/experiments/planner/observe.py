@@ -21,7 +21,13 @@ from pyinfra.experiments.benchmark.inputs import named_files
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.costs import Costs, PlanLidar
 from pyinfra.experiments.planner.detectability import Detectability
-from pyinfra.experiments.planner.request import Effort, Request, check_on_roads, weighted
+from pyinfra.experiments.planner.request import (
+    Effort,
+    Request,
+    can_be_found,
+    check_on_roads,
+    weighted,
+)
 from pyinfra.experiments.planner.site import PlanSite
 
 POSES_AT_ONCE = 8
@@ -75,20 +81,27 @@ class Observed:
         return self.pairs[self.pairs.left_out == ""].reset_index(drop=True)
 
 
-def weighted_objects(site: PlanSite, request: Request, frames: Sequence[int]) -> Objects:
-    """Returns the objects of some frames. Those farther than asked for have weight 0."""
+def weighted_objects(
+    site: PlanSite, request: Request, law: Detectability, frames: Sequence[int]
+) -> Objects:
+    """Returns the objects of some frames.
+
+    Those farther than asked for have weight 0, and so have people if the detector finds none.
+    """
     table = site.present[site.present.frame.isin(frames)].reset_index(drop=True)
     near = site.is_near(table, request.within_m)
-    weight = weighted(table, near, request.people, request.areas)
+    weight = weighted(table, near, request.people, request.areas) * can_be_found(table, law)
     order = pd.Series(range(len(frames)), index=list(frames))
     return Objects(table, weight, near, order[table.frame].to_numpy(), len(frames))
 
 
-def check_site(site: PlanSite, request: Request, check_frames: int, *, drawn: bool) -> None:
+def check_site(
+    site: PlanSite, request: Request, law: Detectability, check_frames: int, *, drawn: bool
+) -> None:
     """Raises Error if no object has a weight. drawn: whether the areas are those of the user."""
     if drawn:
         check_on_roads(request.areas, site.roads)
-    objects = weighted_objects(site, request, site.frames)
+    objects = weighted_objects(site, request, law, site.frames)
     if objects.weight.sum() == 0 or not objects.near_vehicles.any():
         vehicles, (x, y) = objects.table[~objects.table.person], site.centre
         away = np.hypot(vehicles.x - x, vehicles.y - y)
@@ -131,7 +144,7 @@ def observed_again(
         site, setting.poses, setting.lidars, wanted, site.frames,
         jobs=setting.effort.jobs, folder=setting.effort.observations,
     )  # fmt: skip
-    objects = weighted_objects(site, setting.request, site.frames)
+    objects = weighted_objects(site, setting.request, setting.law, site.frames)
     return Observed(stayed, joined(rows, stayed, objects), objects)
 
 

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 
 import pandas as pd
 
-from pyinfra.core.files import write
+from pyinfra.core.files import alone, write
 from pyinfra.core.names import path_of
 from pyinfra.core.present import Presented
 from pyinfra.core.progress import show_line
@@ -184,7 +185,8 @@ def plan(
 
     Raises
     ------
-    Error : if no pose is free, no LiDAR is within the budget, or the region has no traffic
+    Error : if no pose is free, no LiDAR is within the budget, the region has no traffic, or another
+        plan writes to the same folder
 
     Examples
     --------
@@ -216,7 +218,7 @@ def plan(
     check_grid(grid)
     priced = read_costs(None if costs is None else path_of(costs, "costs"), years, law, period_s)
     site = open_site(scene, frames, preset=preset, seed=seed, centre_m=centre_m, period_s=period_s)
-    check_site(site, request, check_frames, drawn=areas is not None)
+    check_site(site, request, law, check_frames, drawn=areas is not None)
 
     # Candidates: poses and LiDARs.
     asked = open_lidars(lidars, site)
@@ -229,44 +231,45 @@ def plan(
     table = with_faults(made, site)
     setting = Setting(site, request, effort, law, priced, feasible(table, site), units)
     allowed = possible(setting.poses, units, priced, budget_usd)
-    if folder is not None:
-        keep_request(folder, setting, table)
+    with nullcontext() if folder is None else alone(folder):
+        if folder is not None:
+            keep_request(folder, setting, table)
 
-    # Observe each pair of pose and LiDAR in a few frames, and drop the worse pairs in stages.
-    raced = race(setting, allowed)
+        # Observe each pair of pose and LiDAR in a few frames, and drop the worse pairs in stages.
+        raced = race(setting, allowed)
 
-    # Choose, and check the best options in full.
-    compared, found = check(setting, choose(setting, raced))
+        # Choose, and check the best options in full.
+        compared, found = check(setting, choose(setting, raced))
 
-    # What changes the choice, what the first option finds then, and which passages it counts.
-    parts = parts_of(compared.first, compared, setting)
-    moves, in_rain = moves_of(compared, request), recall_in_rain(compared, setting)
-    rows = list(computed_rows(compared, moves, in_rain[:1]))
-    if what_if and check_frames:
-        rows += simulated_rows(compared, setting, parts, found)
-    sensitivity = sensitivity_table(rows)
-    counting = None if count is None else count_option(site, parts, detector)
+        # What changes the choice, what the first option finds then, and which passages it counts.
+        parts = parts_of(compared.first, compared, setting)
+        moves, in_rain = moves_of(compared, request), recall_in_rain(compared, setting)
+        rows = list(computed_rows(compared, moves, in_rain[:1]))
+        if what_if and check_frames:
+            rows += simulated_rows(compared, setting, parts, found)
+        sensitivity = sensitivity_table(rows)
+        counting = None if count is None else count_option(site, parts, detector)
 
-    # Answer.
-    of_front = option_table(compared, setting, in_rain)
-    options = of_front[of_front.option <= compared.listed].copy()
-    every = candidate_table(table, raced.pairs, setting.poses, units)
-    answer = answer_of(compared, setting, options, every, moves, sensitivity, counting)
-    prices = lowest_prices(asked, setting.poses, priced)
-    if folder is not None:
-        write_tables(folder, options=options, front=of_front, candidates=every)
-        write_tables(folder, sensitivity=sensitivity)
-        write(folder / "answer.txt", "\n".join(answer.lines) + "\n")
-        write(folder / "notes.txt", "\n".join(answer.notes) + "\n")
-    return Plan(
-        site,
-        request,
-        options,
-        every,
-        sensitivity,
-        answer,
-        front_of(compared, of_front, setting),
-        tuple(units),
-        counting,
-        {name: usd for name, usd in prices.items() if usd > budget_usd},
-    )
+        # Answer.
+        of_front = option_table(compared, setting, in_rain)
+        options = of_front[of_front.option <= compared.listed].copy()
+        every = candidate_table(table, raced.pairs, setting.poses, units)
+        answer = answer_of(compared, setting, options, every, moves, sensitivity, counting)
+        prices = lowest_prices(asked, setting.poses, priced)
+        if folder is not None:
+            write_tables(folder, options=options, front=of_front, candidates=every)
+            write_tables(folder, sensitivity=sensitivity)
+            write(folder / "answer.txt", "\n".join(answer.lines) + "\n")
+            write(folder / "notes.txt", "\n".join(answer.notes) + "\n")
+        return Plan(
+            site,
+            request,
+            options,
+            every,
+            sensitivity,
+            answer,
+            front_of(compared, of_front, setting),
+            tuple(units),
+            counting,
+            {name: usd for name, usd in prices.items() if usd > budget_usd},
+        )

@@ -24,8 +24,8 @@ from pyinfra.experiments.planner.detectability import (
     object_terms,
 )
 from pyinfra.experiments.planner.observe import Objects, Observed
-from pyinfra.experiments.planner.request import Request, of_name
-from pyinfra.metrics.comparison import Interval
+from pyinfra.experiments.planner.request import Request, can_be_found, of_name
+from pyinfra.metrics.comparison import Interval, clipped
 
 Z95 = 1.959964
 SIMULATED, PREDICTED = "simulated", "predicted"
@@ -119,7 +119,7 @@ def predict(
         of_people = _either(_seen(observed, units, person), law.people, cut, len(person))
         count = min(probability.shape[1], of_people.shape[1])
         probability = np.where(person[:, None], of_people[:, :count], probability[:, :count])
-    known = ~person | (law.people is not None)
+    known = can_be_found(objects.table, law)
     std = np.where(person, law.unseen.people, law.unseen.recall)
 
     def share(counted: BoolArray) -> Interval:
@@ -204,7 +204,7 @@ def moved_by_frame(found: AnyArray, frame: IntArray, frames: int, share: float) 
 def _limited(values: Sequence[float], most: float, variance: float) -> Interval:
     """Returns the first value with an interval within 0 to `most`."""
     half = _half_width(values, variance)
-    return Interval(values[0], max(0.0, values[0] - half), min(most, values[0] + half))
+    return clipped(Interval(values[0], values[0] - half, values[0] + half), 0, most)
 
 
 def _half_width(values: Sequence[float] | FloatArray, variance: float) -> float:

@@ -44,7 +44,7 @@ def race(setting: Setting, possible: BoolArray) -> Observed:
             site, setting.poses, setting.lidars, wanted, site.frames[start:end],
             jobs=effort.jobs, folder=effort.observations,
         )  # fmt: skip
-        objects = weighted_objects(site, request, site.frames[:end])
+        objects = weighted_objects(site, request, setting.law, site.frames[:end])
         seen = pd.concat([seen, joined(rows, pairs, objects)], ignore_index=True)
         seen = seen[alive[seen.pair]]
         pairs.loc[alive, "frames"] = end

@@ -176,8 +176,7 @@ def with_objects(
     request: Request,
 ) -> tuple[Goal, ...]:
     """Returns the same goals for the objects of other frames; a goal may have none there."""
-    person = objects.person.to_numpy(bool)
-    known = ~person | (law.people is not None)
+    person, known = objects.person.to_numpy(bool), can_be_found(objects, law)
 
     def counted(one: Goal) -> BoolArray:
         if one.within_m is None:
@@ -262,6 +261,11 @@ def crossings_of(folder: Path, weight: float) -> tuple[Area, ...]:
 def of_name(areas: tuple[Area, ...], name: str, objects: pd.DataFrame) -> BoolArray:
     """Returns which objects the areas of a name include: (n,)."""
     return np.asarray(np.any([one.holds(objects) for one in areas if one.name == name], axis=0))
+
+
+def can_be_found(objects: pd.DataFrame, law: Detectability) -> BoolArray:
+    """Returns of which objects the detector finds the class: (n,)."""
+    return np.asarray(~objects.person.to_numpy(bool) | (law.people is not None))
 
 
 def weighted(

@@ -25,10 +25,9 @@ from pyinfra.dataset.world_frame import to_world
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.predict import UNKNOWN, Z95
 from pyinfra.experiments.planner.site import PlanSite
-from pyinfra.metrics.comparison import Interval
+from pyinfra.metrics.comparison import Interval, clipped, over_replicates
 from pyinfra.metrics.evaluate import evaluated
 from pyinfra.metrics.evaluation_result import Evaluation
-from pyinfra.metrics.intervals import student
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.detectors.background import DEFAULT, Background
 from pyinfra.models.inference.boxes_table import TrainedDetector, detect, load_detector
@@ -140,17 +139,16 @@ def _objects(result: Evaluation, cut: float) -> pd.DataFrame:
 
 
 def _mean_ap(rows: Sequence[pd.Series]) -> Interval:
-    """Returns the mean AP of the seeds, with the variance of its time blocks and of the seeds."""
-    values = np.array([row.ap_r1000 for row in rows], float)
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return UNKNOWN
-    mean, half = float(values.mean()), math.nan
-    if len(values) > 1:
-        half = float(student(len(values)) * values.std(ddof=1) / len(values) ** 0.5)
-    elif math.isfinite(rows[0].ap_r1000_low):
-        half = float(rows[0].ap_r1000_high - rows[0].ap_r1000_low) / 2
-    return Interval(mean, max(0.0, mean - half), min(100.0, mean + half))
+    """Returns the mean AP of the seeds with Student's t interval over them.
+
+    If only one seed has an AP, the interval is that of its time blocks.
+    """
+    known = [row for row in rows if math.isfinite(row.ap_r1000)]
+    ap = over_replicates([float(row.ap_r1000) for row in known])
+    if len(known) == 1:
+        half = float(known[0].ap_r1000_high - known[0].ap_r1000_low) / 2
+        ap = Interval(ap.value, ap.value - half, ap.value + half)
+    return clipped(ap, 0, 100)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ The share is measured where an option was simulated in full, and predicted elsew
 order, tables, page and sentences all use it.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -15,6 +16,7 @@ from pyinfra.experiments.planner.request import Goal, Request
 
 Standings = Mapping[tuple[int, ...], Standing]
 Verdict = Literal["met", "not known", "not met"]
+Condition = Literal["find", "false_per_minute"]  # by its key in the request
 LISTED = 3  # options that are described in full
 
 
@@ -44,14 +46,42 @@ class Compared:
         return [(one, self.standings[one.units]) for one in self.options]
 
 
+def conditions(one: Standing, request: Request) -> dict[Condition, Verdict]:
+    """Returns whether an option meets each condition of the request, by the whole interval."""
+    share, false, most = one.recall, one.false_per_frame, request.most_false
+    misses, exceeds = share.high < request.find, false.low > most
+    is_found, is_rare = share.low >= request.find, false.high <= most
+    return {
+        "find": "met" if is_found else "not met" if misses else "not known",
+        "false_per_minute": "met" if is_rare else "not met" if exceeds else "not known",
+    }
+
+
 def verdict(one: Standing, request: Request) -> Verdict:
     """Returns whether an option meets the request: by its interval, not by its value alone."""
     if not one.recall.is_known:
         return "not known"
-    most, false = request.most_false, one.false_per_frame
-    if one.recall.high < request.find or false.low > most:
-        return "not met"
-    return "met" if one.recall.low >= request.find and false.high <= most else "not known"
+    of_each = conditions(one, request).values()
+    worst: tuple[Verdict, ...] = ("not met", "not known")
+    return next((verdict for verdict in worst if verdict in of_each), "met")
+
+
+def frames_needed(one: Standing, request: Request, frames: int) -> dict[Condition, float]:
+    """Returns how many simulated frames may decide each condition that is not known.
+
+    frames: number of frames from which the intervals were computed. Their width is proportional to
+    the inverse of the root of this number.
+    """
+    needed: dict[Condition, float] = {}
+    for name, held in conditions(one, request).items():
+        if held == "not known":
+            figure, limit = one.recall, request.find
+            if name == "false_per_minute":
+                figure, limit = one.false_per_frame, request.most_false
+            away = abs(figure.value - limit)
+            half = max(figure.high - figure.value, figure.value - figure.low)  # one may be clipped
+            needed[name] = frames * (half / away) ** 2 if away else math.inf
+    return needed
 
 
 def in_order(options: Sequence[Choice], standings: Standings, request: Request) -> list[Choice]:

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import pandas as pd
 
 from pyinfra.experiments.coverage import ROAD
+from pyinfra.experiments.option import Option
 from pyinfra.experiments.option_table import option_table
-from pyinfra.experiments.options import Option, options_of
+from pyinfra.experiments.options import options_of
 from pyinfra.experiments.recommend import Answer, recommend, with_interval
 from pyinfra.experiments.requirements import Requirements, place_of
 from pyinfra.metrics.comparison import Interval
