@@ -12,7 +12,13 @@ from pyinfra.cli.parser import argument, usage
 from pyinfra.conversion import TRACK_FILES, export_tracks
 from pyinfra.core.errors import Error
 from pyinfra.dataset.frame_sequence import RecordedFrames
-from pyinfra.dataset.frames import frame_numbers, frame_range, has_labels, lidar_folder
+from pyinfra.dataset.frames import (
+    frame_numbers,
+    frame_range,
+    has_labels,
+    lidar_folder,
+    recorded_s,
+)
 from pyinfra.dataset.prediction_files import prediction_table
 from pyinfra.models.inference.boxes_table import detect, load_detector
 from pyinfra.tracking.evaluation import evaluate_tracks
@@ -149,7 +155,7 @@ def _boxes(args: argparse.Namespace, frames: RecordedFrames) -> pd.DataFrame:
 def _summary(tracks: pd.DataFrame, frames: RecordedFrames) -> str:
     count = tracks.groupby("type").id.nunique() if len(tracks) else {}
     listed = ", ".join(f"{n} {name}" for name, n in count.items()) or "none"
-    seconds = len(frames.numbers) * frames.period_s
+    seconds = recorded_s(frames.numbers, frames.period_s)
     return (
         f"tracks: {listed}; {len(frames.numbers)} frames of {frames.period_s:g} s ({seconds:g} s)"
     )

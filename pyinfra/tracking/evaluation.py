@@ -15,6 +15,7 @@ from pyinfra.core.present import Presented
 from pyinfra.core.public import public
 from pyinfra.core.vocabulary import KM_H, VEHICLE_TYPES
 from pyinfra.dataset.frame_sequence import FrameSequence
+from pyinfra.dataset.frames import recorded_s
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.tracking.hota import ZERO_M, Hota, Sightings, clear, distances, hota
 from pyinfra.tracking.lines import Line, lines_of
@@ -99,7 +100,8 @@ def evaluate_tracks(
             "frames: expected objects of simulated frames, to compare the tracks with, got none"
         )
     chosen = lines_of(frames) if lines is None else list(lines)
-    return compare_with(truth, tracks, chosen, within_m=within_m, period_s=frames.period_s)
+    seconds = recorded_s(frames.numbers, frames.period_s)
+    return compare_with(truth, tracks, chosen, within_m=within_m, seconds=seconds)
 
 
 def true_objects(frames: FrameSequence) -> pd.DataFrame:
@@ -129,9 +131,9 @@ def compare_with(
     lines: Sequence[Line],
     *,
     within_m: float,
-    period_s: float,
+    seconds: float,
 ) -> TrackEvaluation:
-    """Compares tracks with a table of `true_objects`."""
+    """Compares tracks with a table of `true_objects`. seconds: duration of the recording."""
     tracks = tracks[tracks.type.isin(VEHICLE_TYPES)].reset_index(drop=True)
     distance = np.hypot(truth.x, truth.y)
     vehicle = truth.type.isin(VEHICLE_TYPES)
@@ -144,7 +146,6 @@ def compare_with(
     a, b = sightings(truth[counts]), sightings(tracks[judged])
     parts: Hota = hota(a, b)
     mot = clear(a, b)
-    seconds = len(np.unique(truth.frame)) * period_s
     false = false_tracks(tracks[judged].id.to_numpy(), of_none[judged])
     matched = tracks[judged].iloc[mot.pairs[:, 1]]
     true_speed = truth[counts].speed_m_s.to_numpy()[mot.pairs[:, 0]]

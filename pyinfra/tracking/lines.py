@@ -73,14 +73,14 @@ def lines_of(site: AnyLines) -> list[Line]:
     site : frames or a LiDAR's folder, whose roads have lines; a YAML file with `lines_m: {name:
         [[x, y], [x, y]]}`; the same as a mapping; or lines. Raises Error if there is no line.
     """
+    frames = frames_of(site)
     if isinstance(site, list):
         lines = site
     elif isinstance(site, Mapping):
         lines = drawn({name: np.asarray(ends, np.float64) for name, ends in site.items()})
-    elif not isinstance(site, FrameSequence) and path_of(site, "site").is_file():
+    elif frames is None:
         lines = read_lines(path_of(site, "site"))
     else:
-        frames = one_lidar(site, "site")
         if frames.lidar is None:
             raise Error(
                 "site: expected frames with lidar.yaml, or lines, got frames without lidar.yaml"
@@ -93,6 +93,15 @@ def lines_of(site: AnyLines) -> list[Line]:
     if twice := repeated([line.name for line in lines]):
         raise Error(f"site: expected a different name for each line, got '{twice}' twice")
     return lines
+
+
+def frames_of(site: AnyLines) -> FrameSequence | None:
+    """Returns the frames of a site; None for lines and for a file of lines."""
+    if isinstance(site, (list, Mapping)):
+        return None
+    if not isinstance(site, FrameSequence) and path_of(site, "site").is_file():
+        return None
+    return one_lidar(site, "site")
 
 
 def read_lines(file: Path) -> list[Line]:

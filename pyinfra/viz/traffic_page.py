@@ -35,7 +35,8 @@ svg{max-width:100%;height:auto}
 def write_page(counts: Counts, out: Path, *, title: str = "Traffic") -> None:
     """Writes one HTML file without references to other files. Raises Error for a folder."""
     check_file(out)
-    moved = counts.movements.groupby("movement", as_index=False)[["count", "flow_per_h"]].sum()
+    moved = counts.movements.groupby("movement", as_index=False)[["count"]].sum()
+    moved["flow_per_h"] = 3600 * moved["count"] / max(counts.seconds, 1e-3)
     lanes = counts.flows.drop(columns=["std_km_h"])
     parts = [
         f"<h1>{html.escape(title)}</h1>",

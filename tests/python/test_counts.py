@@ -1,0 +1,95 @@
+"""Counts: the recording that flows and queues refer to, lanes, queues and names of lines."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from tracking_data import PERIOD_S, boxes, straight
+
+import pyinfra as pi
+from pyinfra.dataset.frames import recorded_s
+from pyinfra.tracking.lines import Line
+from pyinfra.viz.traffic_page import write_page
+
+GATE = {"gate": [[0, 0], [0, 10]]}
+ARM = [Line("W", (20.0, 5.0), (20.0, -5.0), "E", "W", "junction")]  # +1 is east
+
+
+def later(table: pd.DataFrame, frames: int) -> pd.DataFrame:
+    return table.assign(frame=table.frame + frames)
+
+
+def cars(*first_frames: int) -> pd.DataFrame:
+    """Returns boxes of cars that pass x = 0 after 2 s, and stay for 4 s."""
+    one = boxes([straight(-20, 5, 10)], 40)
+    return pd.concat([later(one, k) for k in first_frames])
+
+
+def counted(table: pd.DataFrame, **named: object) -> pi.Counts:
+    return pi.count(pi.track(table, period_s=PERIOD_S), GATE, **named)  # type: ignore[arg-type]
+
+
+def test_flows_are_those_of_the_recording_and_not_of_the_first_to_the_last_track() -> None:
+    counts = counted(cars(1000), start_s=0, end_s=1800)
+    assert counts.seconds == 1800
+    assert counts.flows.start_s.tolist() == [0]
+    assert counts.flows.flow_per_h.tolist() == [4]
+    assert counts.movements.flow_per_h.tolist() == [4]
+    assert counts.flows.occupancy_percent[0] == pytest.approx(100 * 0.45 / 900, rel=0.02)
+    last = counted(cars(1000), start_s=0, end_s=1200, interval_s=1100).flows
+    assert last.flow_per_h[0] == pytest.approx(3600 / 1100)
+    assert counted(cars(1000)).seconds == pytest.approx(3.9)
+
+
+def test_frames_are_the_recording_if_all_tracks_are_theirs() -> None:
+    frames = pi.simulate(pi.load_scene("highway", seed=1), "helios_16", range(0, 60, 5))
+    nobody = pi.track(frames.objects.assign(score=0.05), frames)
+    assert pi.count(nobody, frames).seconds == pytest.approx(6)
+    tracks = pi.track(frames.objects.assign(score=0.9), frames)
+    assert pi.count(tracks, frames).seconds == pytest.approx(6)
+    other = tracks.assign(t_s=tracks.t_s + 1777883410)
+    assert pi.count(other, frames).seconds == pytest.approx(5.5)
+    assert pi.count(tracks, frames, end_s=10).seconds == 10
+    assert pi.evaluate_tracks(frames, tracks).measures.seconds == pytest.approx(6)
+
+
+def test_a_frame_stands_for_the_usual_step_between_frames() -> None:
+    assert recorded_s(range(0, 30, 5), 0.1) == pytest.approx(3)
+    assert recorded_s([*range(10), *range(50, 60)], 0.1) == pytest.approx(2)
+    assert recorded_s([7], 0.1) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    "named", [{"start_s": 101.0}, {"end_s": 103.0}, {"start_s": np.nan}, {"end_s": np.inf}]
+)
+def test_tracks_outside_the_recording_are_refused(named: dict[str, float]) -> None:
+    with pytest.raises(pi.Error, match=next(iter(named))):
+        counted(cars(1000), **named)
+
+
+def test_the_flow_of_a_movement_on_the_page_is_its_count_by_the_recording(tmp_path: Path) -> None:
+    counts = counted(cars(0, 100, 200, 300), start_s=0, end_s=120, interval_s=30)
+    assert len(counts.movements) == 2
+    page = tmp_path / "counts.html"
+    write_page(counts, page)
+    row = re.search(r"<td>gate &gt; E</td>\s*<td>4</td>\s*<td>(.*)</td>", page.read_text())
+    assert row is not None
+    assert row[1] == "120.0"
+
+
+def test_queues_are_means_of_all_frames_of_the_recording() -> None:
+    """A car stands for 30 s before the line, and no frame before or after has a track."""
+    standing = later(boxes([straight(10, 0, 0.0)], 300), 1000)
+    beside = pd.concat([standing, boxes([straight(60, 60, 0.0)], 6000)])
+    every = pi.track(beside.sort_values("frame", kind="stable"), period_s=PERIOD_S)
+    some = pi.track(standing, period_s=PERIOD_S)
+    for tracks in (every, some):
+        found = pi.count(tracks, ARM, start_s=0, end_s=600, interval_s=150).queues
+        assert found.start_s.tolist() == [0, 150, 300, 450]
+        assert found.mean_queued.tolist() == pytest.approx([30 / 150, 0, 0, 0])
+        assert found.mean_queue_m.tolist() == pytest.approx([2, 0, 0, 0], abs=0.01)
+        assert found.max_queued.tolist() == [1, 0, 0, 0]
