@@ -21,7 +21,7 @@ from pyinfra.tracking.lines import AnyLines, Line, frames_of, lines_of
 from pyinfra.tracking.movements import movements
 from pyinfra.tracking.passages import passages
 from pyinfra.tracking.queues import queues
-from pyinfra.tracking.table_file import read_tracks
+from pyinfra.tracking.table_file import NUMBER_FORMAT, read_tracks, with_time_text
 
 TABLES = ("passages", "flows", "movements", "travel", "queues")
 _NEEDED = ("frame", "t_s", "id", "type", "x", "y", "dx", "speed_m_s")
@@ -63,7 +63,8 @@ class Counts(Presented):
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Writes each table as a CSV file, such as flows.csv, and returns the folder."""
         out = path_of(folder, "folder")
-        write_tables(out, {name: getattr(self, name) for name in TABLES}, "%.6g")
+        tables = {name: with_time_text(getattr(self, name)) for name in TABLES}
+        write_tables(out, tables, NUMBER_FORMAT)
         return out
 
 

@@ -13,6 +13,7 @@ from tracking_data import PERIOD_S, boxes, straight
 import pyinfra as pi
 from pyinfra.dataset.frames import recorded_s
 from pyinfra.tracking.lines import Line
+from pyinfra.tracking.table_file import read_tracks, write_tracks
 from pyinfra.viz.traffic_page import write_page
 
 GATE = {"gate": [[0, 0], [0, 10]]}
@@ -93,3 +94,36 @@ def test_queues_are_means_of_all_frames_of_the_recording() -> None:
         assert found.mean_queued.tolist() == pytest.approx([30 / 150, 0, 0, 0])
         assert found.mean_queue_m.tolist() == pytest.approx([2, 0, 0, 0], abs=0.01)
         assert found.max_queued.tolist() == [1, 0, 0, 0]
+
+
+@pytest.mark.parametrize("start_s", [0.0, 108000.0, 1777883410.5])
+def test_files_keep_the_time_of_each_frame(tmp_path: Path, start_s: float) -> None:
+    table = cars(0, 60)
+    tracks = pi.track(table.assign(t_s=start_s + (table.frame + 0.5) * PERIOD_S))
+    file = pi.export_tracks(tracks, tmp_path / "tracks.csv")
+    back = read_tracks(file)
+    np.testing.assert_allclose(back.t_s, tracks.t_s, rtol=0, atol=1e-6)
+    counts = pi.count(file, GATE)
+    np.testing.assert_allclose(counts.passages.headway_s, [np.nan, 6], atol=1e-3)
+    folder = counts.save(tmp_path / "counts")
+    for name, column in (("passages", "t_s"), ("flows", "start_s"), ("movements", "start_s")):
+        saved = pd.read_csv(folder / f"{name}.csv")[column]
+        np.testing.assert_allclose(saved, getattr(counts, name)[column], rtol=0, atol=1e-6)
+
+
+def test_times_of_short_recordings_have_the_text_of_six_digits(tmp_path: Path) -> None:
+    tracks = pi.track(boxes([straight(-20, 5, 1)], 600), period_s=PERIOD_S)
+    write_tracks(tmp_path / "ours.csv", tracks)
+    tracks.to_csv(tmp_path / "digits.csv", index=False, float_format="%.6g")
+    assert (tmp_path / "ours.csv").read_bytes() == (tmp_path / "digits.csv").read_bytes()
+
+
+@pytest.mark.parametrize("time", ["same", "different"])
+def test_a_file_with_other_than_one_time_per_frame_is_refused(tmp_path: Path, time: str) -> None:
+    motions = [straight(-20, 5, 10), straight(-20, 15, 10)]
+    tracks = pi.track(boxes(motions, 20), period_s=PERIOD_S)
+    row = tracks.index[tracks.frame == 7][1]
+    tracks.loc[tracks.frame == 7 if time == "same" else [row], "t_s"] = tracks.t_s[0]
+    write_tracks(tmp_path / "tracks.csv", tracks)
+    with pytest.raises(pi.Error, match=rf"tracks.csv:{row + (time == 'different') + 1}: t_s"):
+        read_tracks(tmp_path / "tracks.csv")
