@@ -21,7 +21,7 @@ from pyinfra.dataset.frames import (
 )
 from pyinfra.dataset.prediction_files import prediction_table
 from pyinfra.models.inference.boxes_table import detect, load_detector
-from pyinfra.tracking.evaluation import evaluate_tracks
+from pyinfra.tracking.evaluation import UnknownIds, evaluate_tracks
 from pyinfra.tracking.live import boxes_of_line, live_lines, new_lines
 from pyinfra.tracking.tracker import Tracker, TrackSettings
 from pyinfra.tracking.tracks import track
@@ -125,13 +125,23 @@ def run(args: argparse.Namespace) -> int:
             args,
         )
     elif has_labels(folder) and (folder / "training/objects").is_dir():
-        m = evaluate_tracks(frames, tracks, within_m=args.within_m, lines=[]).measures
-        print(
-            f"visible vehicles within {args.within_m:g} m: HOTA {m.hota:.1f}, MOTA {m.mota:.1f}, "
-            f"{m.switches:.0f} switches, {m.false_tracks:.0f} false tracks, speed error "
-            f"{m.speed_error_km_h:.2f} km/h (median)"
-        )
+        print(_quality(tracks, frames, args.within_m))
     return 0
+
+
+def _quality(tracks: pd.DataFrame, frames: RecordedFrames, within_m: float) -> str:
+    """Returns the line of the quality of the tracks, or why there is none."""
+    try:
+        m = evaluate_tracks(frames, tracks, within_m=within_m, lines=[]).measures
+    except UnknownIds as error:
+        return f"quality of the tracks: not known; {error}"
+    if not m.objects:
+        return f"quality of the tracks: not known; no vehicle within {within_m:g} m is visible"
+    return (
+        f"visible vehicles within {within_m:g} m: HOTA {m.hota:.1f}, MOTA {m.mota:.1f}, "
+        f"{m.switches:.0f} switches, {m.false_tracks:.0f} false tracks, speed error "
+        f"{m.speed_error_km_h:.2f} km/h (median)"
+    )
 
 
 def _live(args: argparse.Namespace, tracker: Tracker) -> int:

@@ -14,8 +14,9 @@ from pyinfra.core.errors import Error
 from pyinfra.core.present import Presented
 from pyinfra.core.public import public
 from pyinfra.core.vocabulary import KM_H, VEHICLE_TYPES
-from pyinfra.dataset.frame_sequence import FrameSequence
-from pyinfra.dataset.frames import recorded_s
+from pyinfra.dataset.data_set import ids_are_tracks
+from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
+from pyinfra.dataset.frames import data_set_of, recorded_s
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.tracking.hota import ZERO_M, Hota, Sightings, clear, distances, hota
 from pyinfra.tracking.lines import Line, lines_of
@@ -25,6 +26,10 @@ from pyinfra.tracking.passages import passages
 VISIBLE = 0.2  # least visible share of an evaluated vehicle
 PASSAGE_S, PASSAGE_M = 1.5, 2.5  # largest differences between a passage and its truth
 _RISE = 5  # frames before and after a frame, over which the true speed is measured
+
+
+class UnknownIds(Error):
+    """The ids of vehicles do not say which boxes are those of one vehicle."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -82,7 +87,8 @@ def evaluate_tracks(
 
     Raises
     ------
-    Error : for frames without objects, and for lines that no site has
+    Error : for frames without objects or with objects without track ids, and for lines that no
+        site has
 
     Examples
     --------
@@ -99,9 +105,22 @@ def evaluate_tracks(
         raise Error(
             "frames: expected objects of simulated frames, to compare the tracks with, got none"
         )
+    if isinstance(frames, RecordedFrames) and not ids_are_tracks(data_set_of(frames.folder)):
+        raise UnknownIds("frames: expected a track id for each vehicle, got `ids: unknown`")
     chosen = lines_of(frames) if lines is None else list(lines)
     seconds = recorded_s(frames.numbers, frames.period_s)
     return compare_with(truth, tracks, chosen, within_m=within_m, seconds=seconds)
+
+
+def check_ids(vehicles: pd.DataFrame) -> None:
+    """Raises UnknownIds for vehicles without ids, and for ids that are not of one vehicle."""
+    unknown, twice = vehicles.id < 0, vehicles.duplicated(["frame", "id"])
+    if (unknown | twice).any():
+        row = vehicles[unknown | twice].iloc[0]
+        got = f"the id {row.id}" + (" twice" if row.id >= 0 else "")
+        raise UnknownIds(
+            f"frames: expected a track id for each vehicle, got {got} in frame {row.frame}"
+        )
 
 
 def true_objects(frames: FrameSequence) -> pd.DataFrame:
@@ -138,6 +157,7 @@ def compare_with(
     distance = np.hypot(truth.x, truth.y)
     vehicle = truth.type.isin(VEHICLE_TYPES)
     counts = (vehicle & (distance <= within_m) & (truth.visibility >= VISIBLE)).to_numpy()
+    check_ids(truth[vehicle if lines else counts])
     everything, all_tracks = sightings(truth), sightings(tracks)
     to_object = nearest(everything, all_tracks)
     of_none = to_object < 0
