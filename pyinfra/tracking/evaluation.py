@@ -19,7 +19,7 @@ from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
 from pyinfra.dataset.frames import data_set_of, recorded_s
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.tracking.hota import ZERO_M, Hota, Sightings, clear, distances, hota
-from pyinfra.tracking.lines import Line, lines_of
+from pyinfra.tracking.lines import AnyLines, Line, lines_of
 from pyinfra.tracking.movements import movements
 from pyinfra.tracking.passages import passages
 
@@ -67,7 +67,7 @@ def evaluate_tracks(
     tracks: pd.DataFrame,
     *,
     within_m: float = 80.0,
-    lines: Sequence[Line] | None = None,
+    lines: AnyLines | tuple[Line, ...] | None = None,
 ) -> TrackEvaluation:
     """Compares the tracks of vehicles with the objects of simulated frames.
 
@@ -79,7 +79,8 @@ def evaluate_tracks(
     frames : the frames that were tracked, with objects
     tracks : table of `track`
     within_m : largest distance of a vehicle from the sensor, metres
-    lines : lines at which passages are compared; by default those of the site's roads
+    lines : lines at which passages are compared, as `site` of `count`; by default those of the
+        site's roads
 
     Returns
     -------
@@ -107,9 +108,10 @@ def evaluate_tracks(
         )
     if isinstance(frames, RecordedFrames) and not ids_are_tracks(data_set_of(frames.folder)):
         raise UnknownIds("frames: expected a track id for each vehicle, got `ids: unknown`")
-    chosen = lines_of(frames) if lines is None else list(lines)
+    if not isinstance(lines, (list, tuple)):
+        lines = lines_of(frames if lines is None else lines)
     seconds = recorded_s(frames.numbers, frames.period_s)
-    return compare_with(truth, tracks, chosen, within_m=within_m, seconds=seconds)
+    return compare_with(truth, tracks, lines, within_m=within_m, seconds=seconds)
 
 
 def check_ids(vehicles: pd.DataFrame) -> None:
