@@ -1,13 +1,14 @@
 """`pyinfra track DATA/LIDAR [PRED] --out tracks.csv`."""
 
 import argparse
+import io
 import sys
 from functools import partial
 from pathlib import Path
 
 import pandas as pd
 
-from pyinfra.cli.messages import warn
+from pyinfra.cli.messages import printed_findings, warn
 from pyinfra.cli.parser import argument, usage
 from pyinfra.conversion import TRACK_FILES, export_tracks
 from pyinfra.core.errors import Error
@@ -149,8 +150,12 @@ def _live(args: argparse.Namespace, tracker: Tracker) -> int:
     if args.out is not None or args.pred is not None:
         given = "--out" if args.pred is None else "PRED"
         raise Error(f"DATA: expected `-` without PRED and --out, got {given}")
-    for line in live_lines(new_lines(sys.stdin, drop=not args.keep_all), boxes_of_line, tracker):
-        print(line, flush=True)
+    if isinstance(sys.stdin, io.TextIOWrapper):
+        sys.stdin.reconfigure(errors="replace")  # other bytes than UTF-8 are a wrong line
+    arrivals = new_lines(sys.stdin, drop=not args.keep_all)
+    with printed_findings(args):
+        for line in live_lines(arrivals, boxes_of_line, tracker):
+            print(line, flush=True)
     return 0
 
 
