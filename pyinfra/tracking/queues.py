@@ -9,7 +9,7 @@ from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.tracking.lines import Line
 
 STANDS_M_S = 1.5  # slower vehicles stand in a queue
-SPACING_M = 15.0  # a queue ends where the next standing vehicle is farther away
+GAP_M = 15.0  # a queue ends where the gap to the next standing vehicle is longer
 COLUMNS = ["start_s", "line", "mean_queue_m", "max_queue_m", "mean_queued", "max_queued"]
 
 
@@ -18,9 +18,10 @@ def queues(
 ) -> pd.DataFrame:
     """Returns the queues by interval and line.
 
-    A queue are the standing vehicles before a line, within its width, each at most SPACING_M behind
-    the one before. Its length is from the line to the centre of the last vehicle. Means are those
-    of all frames between start_s and end_s: a frame without tracks has no queue.
+    A queue are the standing vehicles before a line, within its width, each with at most GAP_M
+    between its front and the line or the vehicles before it. Its length is from the line to the
+    centre of the last vehicle. Means are those of all frames between start_s and end_s: a frame
+    without tracks has no queue.
     """
     times = np.unique(tracks.t_s.to_numpy(np.float64))
     step_s = np.median(np.diff(times)) if len(times) > 1 else np.inf
@@ -40,9 +41,11 @@ def queues(
         before, offset = -(xy @ np.array([-along[1], along[0]])), xy @ along
         within = (before > 0) & (offset >= 0) & (offset <= line.length_m)
         rows = pd.DataFrame({"t_s": slow.t_s.to_numpy()[within], "before": before[within]})
-        rows = rows.sort_values(["t_s", "before"])
-        gap = rows.groupby("t_s").before.diff().fillna(rows.before)
-        joined = (gap <= SPACING_M).groupby(rows.t_s).cummin()
+        half_m = slow.dx.to_numpy(np.float64)[within] / 2
+        rows["front"], rows["rear"] = rows.before - half_m, rows.before + half_m
+        rows = rows.sort_values(["t_s", "front"])
+        reached = rows.groupby("t_s").rear.cummax().groupby(rows.t_s).shift(fill_value=0)
+        joined = (rows.front - reached <= GAP_M).groupby(rows.t_s).cummin()
         queue = rows[joined].groupby("t_s").before.agg(["max", "size"])
         groups = queue.reindex(times, fill_value=0).groupby(number)
         sums, most = (g.reindex(range(count), fill_value=0) for g in (groups.sum(), groups.max()))

@@ -92,7 +92,7 @@ def _arrow(ax: Axes, lines: dict[str, Line], row: Any, most: int) -> None:
         last = out_middle - out_along * lines[row.end].length_m / 4
         points = np.array([middle + along * start.length_m / 4, np.mean(inside, axis=0), last])
     else:
-        sign = 1 if row.end == start.forward else -1
+        sign = 1 if row.end in (start.forward, f"({start.forward})") else -1
         ahead = np.array([-along[1], along[0]]) * sign
         base = middle + sign * along * start.length_m / 4
         points = np.array([base - ahead * LONE_M / 2, base, base + ahead * LONE_M / 2])

@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.cluster.hierarchy import fcluster, linkage
 from tracking_data import PERIOD_S, boxes, straight
 
 import pyinfra as pi
 from pyinfra.dataset.frames import recorded_s
 from pyinfra.tracking.lines import Line
+from pyinfra.tracking.passages import LANE_M, _lanes
 from pyinfra.tracking.table_file import read_tracks, write_tracks
 from pyinfra.viz.traffic_page import write_page
 
@@ -127,3 +129,59 @@ def test_a_file_with_other_than_one_time_per_frame_is_refused(tmp_path: Path, ti
     write_tracks(tmp_path / "tracks.csv", tracks)
     with pytest.raises(pi.Error, match=rf"tracks.csv:{row + (time == 'different') + 1}: t_s"):
         read_tracks(tmp_path / "tracks.csv")
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("spread_m", [0.2, 0.6, 1.5])
+def test_lanes_are_those_of_average_linkage(sign: int, spread_m: float) -> None:
+    rng = np.random.default_rng(1)
+    for count in (1, 2, 5, 40, 200):
+        offset = rng.choice([1.75, 5.25, 8.75], count) + rng.normal(0, spread_m, count)
+        lanes = _lanes(offset, sign)
+        tree = linkage(offset[:, None], "average") if count > 1 else np.empty((0, 4))
+        group = fcluster(tree, LANE_M, "distance") if count > 1 else np.ones(1)
+        pairs = pd.DataFrame({"lane": lanes, "group": group}).drop_duplicates()
+        assert not pairs.lane.duplicated().any()
+        assert not pairs.group.duplicated().any()
+        means = pd.Series(-sign * offset).groupby(lanes).mean()
+        assert means.is_monotonic_increasing
+        assert means.index.tolist() == list(range(1, len(means) + 1))
+
+
+@pytest.mark.parametrize("y", [5.0, 1.0])
+def test_lanes_and_headways_are_those_of_vehicles(y: float) -> None:
+    """Someone walks over the line between two cars, in their lane or beside it."""
+    person = later(boxes([straight(-3, y, 1.4)], 40, "Pedestrian").assign(dx=0.6, dy=0.6), 20)
+    table = pd.concat([cars(0, 60), person]).sort_values("frame", kind="stable")
+    passed = counted(table).passages
+    assert passed["type"].tolist() == ["Car", "Pedestrian", "Car"]
+    assert passed.lane.tolist() == [1, 0, 1]
+    np.testing.assert_allclose(passed.headway_s, [np.nan, np.nan, 6], atol=0.02)
+    np.testing.assert_allclose(passed.gap_s, [np.nan, np.nan, 5.55], atol=0.02)
+
+
+@pytest.mark.parametrize(("length_m", "step_m"), [(18.0, 20.0), (4.5, 7.0)])
+@pytest.mark.parametrize("gap_m", [0.0, 14.5, 15.5])
+def test_a_queue_ends_at_a_gap_between_vehicles(
+    length_m: float, step_m: float, gap_m: float
+) -> None:
+    """Four vehicles stand before the line, and the gap before the last one is longer by gap_m."""
+    free_m = step_m - length_m
+    behind = np.array([0, 1, 2, 3]) * step_m + [0, 0, 0, max(gap_m - free_m, 0)]
+    standing = boxes([straight(18 - length_m / 2 - m, 0, 0.0) for m in behind], 50, "Bus")
+    tracks = pi.track(standing.assign(dx=length_m), period_s=PERIOD_S)
+    queue = pi.count(tracks, ARM).queues.iloc[0]
+    count = 3 if gap_m > 15 else 4
+    assert queue.max_queued == count
+    assert queue.max_queue_m == pytest.approx(2 + length_m / 2 + behind[count - 1], abs=0.1)
+
+
+def test_a_line_with_the_name_of_a_direction_is_no_direction(tmp_path: Path) -> None:
+    """Two cars pass both lines to the south, and two only the first."""
+    lines = {"N": [[-6, 20], [6, 20]], "S": [[-6, -20], [6, -20]]}
+    car = boxes([straight(-3, 30, 10, -np.pi / 2)], 60)
+    short = car[car.frame < 20]
+    table = pd.concat([car, later(short, 100), later(car, 200), later(short, 300)])
+    counts = pi.count(pi.track(table, period_s=PERIOD_S), lines)
+    assert dict(counts.movements.set_index("movement")["count"]) == {"N > S": 2, "N > (S)": 2}
+    write_page(counts, tmp_path / "counts.html")
