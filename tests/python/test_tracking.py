@@ -12,7 +12,7 @@ from tracking_data import PERIOD_S, boxes, circle, noisy, straight
 import pyinfra as pi
 from pyinfra.dataset.frame_sequence import RecordedFrames
 from pyinfra.tracking import motion
-from pyinfra.tracking.occlusion import View, hidden_behind
+from pyinfra.tracking.occlusion import hidden_behind
 from pyinfra.tracking.tracker import Tracker
 from pyinfra.tracking.tracks import boxes_of
 
