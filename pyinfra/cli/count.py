@@ -27,6 +27,13 @@ add_arguments = usage(
         default=900.0,
         help="length of the intervals in seconds; default: 900",
     ),
+    argument(
+        "--start-s",
+        type=float,
+        help="start of the recording, in the time of the tracks; default: the start of SITE's "
+        "frames if SITE is a folder that has the frames of all tracks, else the first track",
+    ),
+    argument("--end-s", type=float, help="end of the recording; default: as for --start-s"),
     argument("--no-page", action="store_true", help="write the tables only"),
 )
 
@@ -36,7 +43,13 @@ def run(args: argparse.Namespace) -> int:
         raise Error(f"TRACKS: expected a file of `pyinfra track`, got '{args.tracks}'")
     if not args.site.exists():
         raise Error(f"SITE: expected a LiDAR's folder or a file with lines, got '{args.site}'")
-    counts = count(args.tracks, args.site, interval_s=args.interval_s)
+    counts = count(
+        args.tracks,
+        args.site,
+        interval_s=args.interval_s,
+        start_s=args.start_s,
+        end_s=args.end_s,
+    )
     counts.save(args.out)
     if not args.no_page:
         write_page(counts, args.out / "counts.html", title=args.tracks.stem)

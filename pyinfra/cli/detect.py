@@ -12,7 +12,7 @@ from typing import TextIO
 
 import numpy as np
 
-from pyinfra.cli.messages import warn
+from pyinfra.cli.messages import printed_findings, warn
 from pyinfra.cli.parser import argument, usage
 from pyinfra.core.arrays import Points
 from pyinfra.core.errors import Error, FormatError
@@ -217,8 +217,9 @@ def _follow(args: argparse.Namespace) -> int:
         return time_of(file, args.period_s), boxes
 
     arrivals = new_clouds(args.inputs[0], idle_s=args.idle_s)
-    for line in live_lines(arrivals, read, Tracker()):
-        print(line, flush=True)
+    with printed_findings(args):
+        for line in live_lines(arrivals, read, Tracker()):
+            print(line, flush=True)
     return 0
 
 

@@ -1,21 +1,28 @@
 """`pyinfra track DATA/LIDAR [PRED] --out tracks.csv`."""
 
 import argparse
+import io
 import sys
 from functools import partial
 from pathlib import Path
 
 import pandas as pd
 
-from pyinfra.cli.messages import warn
+from pyinfra.cli.messages import printed_findings, warn
 from pyinfra.cli.parser import argument, usage
 from pyinfra.conversion import TRACK_FILES, export_tracks
 from pyinfra.core.errors import Error
 from pyinfra.dataset.frame_sequence import RecordedFrames
-from pyinfra.dataset.frames import frame_numbers, frame_range, has_labels, lidar_folder
+from pyinfra.dataset.frames import (
+    frame_numbers,
+    frame_range,
+    has_labels,
+    lidar_folder,
+    recorded_s,
+)
 from pyinfra.dataset.prediction_files import prediction_table
 from pyinfra.models.inference.boxes_table import detect, load_detector
-from pyinfra.tracking.evaluation import evaluate_tracks
+from pyinfra.tracking.evaluation import UnknownIds, evaluate_tracks
 from pyinfra.tracking.live import boxes_of_line, live_lines, new_lines
 from pyinfra.tracking.tracker import Tracker, TrackSettings
 from pyinfra.tracking.tracks import track
@@ -119,13 +126,23 @@ def run(args: argparse.Namespace) -> int:
             args,
         )
     elif has_labels(folder) and (folder / "training/objects").is_dir():
-        m = evaluate_tracks(frames, tracks, within_m=args.within_m, lines=[]).measures
-        print(
-            f"visible vehicles within {args.within_m:g} m: HOTA {m.hota:.1f}, MOTA {m.mota:.1f}, "
-            f"{m.switches:.0f} switches, {m.false_tracks:.0f} false tracks, speed error "
-            f"{m.speed_error_km_h:.2f} km/h (median)"
-        )
+        print(_quality(tracks, frames, args.within_m))
     return 0
+
+
+def _quality(tracks: pd.DataFrame, frames: RecordedFrames, within_m: float) -> str:
+    """Returns the line of the quality of the tracks, or why there is none."""
+    try:
+        m = evaluate_tracks(frames, tracks, within_m=within_m, lines=[]).measures
+    except UnknownIds as error:
+        return f"quality of the tracks: not known; {error}"
+    if not m.objects:
+        return f"quality of the tracks: not known; no vehicle within {within_m:g} m is visible"
+    return (
+        f"visible vehicles within {within_m:g} m: HOTA {m.hota:.1f}, MOTA {m.mota:.1f}, "
+        f"{m.switches:.0f} switches, {m.false_tracks:.0f} false tracks, speed error "
+        f"{m.speed_error_km_h:.2f} km/h (median)"
+    )
 
 
 def _live(args: argparse.Namespace, tracker: Tracker) -> int:
@@ -133,8 +150,12 @@ def _live(args: argparse.Namespace, tracker: Tracker) -> int:
     if args.out is not None or args.pred is not None:
         given = "--out" if args.pred is None else "PRED"
         raise Error(f"DATA: expected `-` without PRED and --out, got {given}")
-    for line in live_lines(new_lines(sys.stdin, drop=not args.keep_all), boxes_of_line, tracker):
-        print(line, flush=True)
+    if isinstance(sys.stdin, io.TextIOWrapper):
+        sys.stdin.reconfigure(errors="replace")  # other bytes than UTF-8 are a wrong line
+    arrivals = new_lines(sys.stdin, drop=not args.keep_all)
+    with printed_findings(args):
+        for line in live_lines(arrivals, boxes_of_line, tracker):
+            print(line, flush=True)
     return 0
 
 
@@ -149,7 +170,7 @@ def _boxes(args: argparse.Namespace, frames: RecordedFrames) -> pd.DataFrame:
 def _summary(tracks: pd.DataFrame, frames: RecordedFrames) -> str:
     count = tracks.groupby("type").id.nunique() if len(tracks) else {}
     listed = ", ".join(f"{n} {name}" for name, n in count.items()) or "none"
-    seconds = len(frames.numbers) * frames.period_s
+    seconds = recorded_s(frames.numbers, frames.period_s)
     return (
         f"tracks: {listed}; {len(frames.numbers)} frames of {frames.period_s:g} s ({seconds:g} s)"
     )

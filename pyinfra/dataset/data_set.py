@@ -128,6 +128,13 @@ def is_of_lanes(data_set: Path) -> bool:
     return description.is_file() and kitti.read_yaml(description).maybe("lanes") is not None
 
 
+def ids_are_tracks(data_set: Path) -> bool:
+    """Returns whether ids of objects may be tracks: `ids` in dataset.yaml. Raises FormatError."""
+    description = data_set / "dataset.yaml"
+    ids = kitti.read_yaml(description).maybe("ids") if description.is_file() else None
+    return ids is None or ids.text() not in ("rows", "unknown")
+
+
 def without_region(lidar_folder: Path) -> str | None:
     """Returns a message if a file that defines a folder's evaluation region is missing, else None.
 

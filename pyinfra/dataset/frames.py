@@ -2,7 +2,10 @@
 
 import errno
 import re
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
+from statistics import median_low
 
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import resolved
@@ -17,6 +20,16 @@ def period_of(lidar_folder: Path) -> float:
     """Returns the frame period of a LiDAR's folder in seconds. Raises FormatError."""
     timed = (lidar_folder / "lidar.yaml").is_file()
     return kitti.read_lidar(lidar_folder).period_s if timed else PERIOD_S
+
+
+def usual_step(numbers: Sequence[int]) -> int:
+    """Returns the usual difference of successive frame numbers; 1 for a single frame."""
+    return median_low([b - a for a, b in pairwise(numbers)]) if len(numbers) > 1 else 1
+
+
+def recorded_s(numbers: Sequence[int], period_s: float) -> float:
+    """Returns the seconds that ascending frames stand for: every fifth frame for five periods."""
+    return len(numbers) * usual_step(numbers) * period_s
 
 
 def frame_range(word: str, gt: Path) -> list[int]:

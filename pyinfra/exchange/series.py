@@ -12,6 +12,7 @@ from pyinfra.core.boxes import points_in_boxes
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import resolved, write
 from pyinfra.core.vocabulary import LabelTime
+from pyinfra.dataset.data_set import ids_are_tracks
 from pyinfra.dataset.frame_readers import read_cameras, track_ids
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.exchange.recording import records_of
@@ -70,7 +71,7 @@ def read_series(lidar_folder: Path) -> FrameSeries:
         scene=scene,
         provenance={key: provenance[key] for key in _KEYS if key in provenance},
         # Label files have no ids.
-        ids_are_tracks=has_objects and provenance.get("ids") not in ("rows", "unknown"),
+        ids_are_tracks=has_objects and ids_are_tracks(folder.parent),
         period_s=lidar.period_s if lidar else PERIOD_S,
         label_time=lidar.label_time if lidar else "frame",
         T_world_lidar=lidar.T_world_levelled if lidar else kitti.WorldPose(0, 0, 0, 0),

@@ -14,12 +14,14 @@ from pyinfra.core.names import path_of
 from pyinfra.core.present import Presented
 from pyinfra.core.public import public
 from pyinfra.core.vocabulary import KM_H
+from pyinfra.dataset.frame_sequence import FrameSequence
+from pyinfra.dataset.frames import usual_step
 from pyinfra.formats.csv_table import write_tables
-from pyinfra.tracking.lines import AnyLines, Line, lines_of
+from pyinfra.tracking.lines import AnyLines, Line, frames_of, lines_of
 from pyinfra.tracking.movements import movements
 from pyinfra.tracking.passages import passages
 from pyinfra.tracking.queues import queues
-from pyinfra.tracking.table_file import read_tracks
+from pyinfra.tracking.table_file import NUMBER_FORMAT, read_tracks, with_time_text
 
 TABLES = ("passages", "flows", "movements", "travel", "queues")
 _NEEDED = ("frame", "t_s", "id", "type", "x", "y", "dx", "speed_m_s")
@@ -32,7 +34,7 @@ class Counts(Presented):
     Attributes
     ----------
     lines : the lines, in the levelled LiDAR frame
-    seconds : duration of the recording
+    seconds : duration of the recording, from start_s to end_s
     passages : one row per passage: t_s, line, direction, lane, id, type, speed_km_h, length_m,
         position, headway_s (front to front) and gap_s (without the length of the vehicle before)
     flows : one row per interval, line, direction, lane and type: count, flow_per_h, mean_km_h,
@@ -61,13 +63,19 @@ class Counts(Presented):
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Writes each table as a CSV file, such as flows.csv, and returns the folder."""
         out = path_of(folder, "folder")
-        write_tables(out, {name: getattr(self, name) for name in TABLES}, "%.6g")
+        tables = {name: with_time_text(getattr(self, name)) for name in TABLES}
+        write_tables(out, tables, NUMBER_FORMAT)
         return out
 
 
 @public()
 def count(
-    tracks: pd.DataFrame | str | os.PathLike[str], site: AnyLines, *, interval_s: float = 900.0
+    tracks: pd.DataFrame | str | os.PathLike[str],
+    site: AnyLines,
+    *,
+    interval_s: float = 900.0,
+    start_s: float | None = None,
+    end_s: float | None = None,
 ) -> Counts:
     """Counts the tracks that pass lines, and measures speeds, headways, queues and travel times.
 
@@ -77,7 +85,10 @@ def count(
     site : where to count: frames or a LiDAR's folder, whose roads give the lines (one before each
         arm of a junction, one across each other road); or lines in the levelled LiDAR frame, as
         `{name: [[x, y], [x, y]]}` or as a YAML file with these under `lines_m`
-    interval_s : length of an interval in seconds
+    interval_s : length of an interval in seconds; the first one begins at start_s
+    start_s, end_s : start and end of the recording, in the time of the tracks. By default, they are
+        those of the frames of `site` if these contain all tracks, else the times of the first and
+        the last track, and flows of sparse traffic are too high
 
     Returns
     -------
@@ -85,7 +96,8 @@ def count(
 
     Raises
     ------
-    Error : for a table without the columns of tracks, lines without length, or no line
+    Error : for a table without the columns of tracks, tracks outside the recording, lines without
+        length, or no line
 
     Examples
     --------
@@ -102,25 +114,48 @@ def count(
         raise Error(f"tracks: expected the columns {', '.join(missing)}, got none of them")
     if not 0 < interval_s < np.inf:
         raise Error(f"interval_s: expected a number above 0, got {interval_s:g}")
-    lines = lines_of(site)
-    first, last = (float(table.t_s.min()), float(table.t_s.max())) if len(table) else (0.0, 0.0)
+    frames = frames_of(site)
+    lines = lines_of(site if frames is None else frames)
+    start, end = recording(table, frames, start_s, end_s)
     passed = passages(table, lines)
     moved = movements(passed, lines)
     return Counts(
         lines,
-        last - first,
+        end - start,
         passed,
-        flows(passed, first, last, interval_s),
-        movement_table(moved, first, last, interval_s),
+        flows(passed, start, end, interval_s),
+        movement_table(moved, start, end, interval_s),
         travel_table(moved),
-        queues(table, lines, first, interval_s),
+        queues(table, lines, start, end, interval_s),
     )
 
 
-def flows(passed: pd.DataFrame, first: float, last: float, interval_s: float) -> pd.DataFrame:
+def recording(
+    table: pd.DataFrame, frames: FrameSequence | None, start_s: float | None, end_s: float | None
+) -> tuple[float, float]:
+    """Returns the start and end of a recording: those given, of its frames or of its tracks."""
+    first, last = (float(table.t_s.min()), float(table.t_s.max())) if len(table) else (0.0, 0.0)
+    start, end = first, last
+    if frames is not None and len(frames):
+        numbers = np.array(frames.numbers)
+        after = int(numbers[-1]) + usual_step(frames.numbers)
+        begin, stop = int(numbers[0]) * frames.period_s, after * frames.period_s
+        if (np.isin(table.frame, numbers) & table.t_s.between(begin, stop)).all():
+            start, end = begin, stop
+    start, end = start if start_s is None else start_s, end if end_s is None else end_s
+    if len(table) and not -np.inf < start <= first:
+        raise Error(f"start_s: expected {first:.6f} (first track) or less, got {start:.6f}")
+    if len(table) and not last <= end < np.inf:
+        raise Error(f"end_s: expected {last:.6f} (last track) or more, got {end:.6f}")
+    if not 0 <= end - start < np.inf:
+        raise Error(f"end_s: expected {start:.6f} or more, got {end:.6f}")
+    return start, end
+
+
+def flows(passed: pd.DataFrame, start: float, end: float, interval_s: float) -> pd.DataFrame:
     """Returns counts, speeds, headways and occupancy by interval, line, direction, lane, type."""
     keys = ["start_s", "line", "direction", "lane", "type"]
-    table = in_intervals(passed, first, interval_s)
+    table = in_intervals(passed, start, interval_s)
     table = table.assign(over_s=table.length_m / np.maximum(table.speed_km_h / KM_H, 0.5))
     groups = table.groupby(keys, sort=True)
     out = groups.agg(
@@ -132,18 +167,18 @@ def flows(passed: pd.DataFrame, first: float, last: float, interval_s: float) ->
         gap_s=("gap_s", "median"),
         over_s=("over_s", "sum"),
     ).reset_index()
-    seconds = seconds_of(out, last, interval_s)
+    seconds = seconds_of(out, end, interval_s)
     out.insert(6, "flow_per_h", 3600 * out["count"] / seconds)
     return out.assign(occupancy_percent=100 * out.pop("over_s") / seconds)
 
 
 def movement_table(
-    moved: pd.DataFrame, first: float, last: float, interval_s: float
+    moved: pd.DataFrame, start: float, end: float, interval_s: float
 ) -> pd.DataFrame:
     """Returns counts by interval, movement and type."""
     keys = ["start_s", "movement", "start", "end", "type"]
-    out = in_intervals(moved, first, interval_s).groupby(keys).size().rename("count").reset_index()
-    return out.assign(flow_per_h=3600 * out["count"] / seconds_of(out, last, interval_s))
+    out = in_intervals(moved, start, interval_s).groupby(keys).size().rename("count").reset_index()
+    return out.assign(flow_per_h=3600 * out["count"] / seconds_of(out, end, interval_s))
 
 
 def travel_table(moved: pd.DataFrame) -> pd.DataFrame:
@@ -152,12 +187,12 @@ def travel_table(moved: pd.DataFrame) -> pd.DataFrame:
     return timed.agg(count="size", mean_s="mean", p85_s=lambda v: v.quantile(0.85)).reset_index()
 
 
-def in_intervals(table: pd.DataFrame, first: float, interval_s: float) -> pd.DataFrame:
-    """Adds start_s, the begin of the interval of each row. Intervals count from the first frame."""
-    number = np.floor((table.t_s.astype(float) - first) / interval_s)
-    return table.assign(start_s=first + interval_s * number)
+def in_intervals(table: pd.DataFrame, start: float, interval_s: float) -> pd.DataFrame:
+    """Adds start_s, the begin of the interval of each row. Intervals count from the start."""
+    number = np.floor((table.t_s.astype(float) - start) / interval_s)
+    return table.assign(start_s=start + interval_s * number)
 
 
-def seconds_of(table: pd.DataFrame, last: float, interval_s: float) -> pd.Series:
+def seconds_of(table: pd.DataFrame, end: float, interval_s: float) -> pd.Series:
     """Returns the recorded seconds of each row's interval; the last one may be shorter."""
-    return np.minimum(interval_s, np.maximum(last - table.start_s, 1e-3))
+    return np.minimum(interval_s, np.maximum(end - table.start_s, 1e-3))

@@ -14,16 +14,22 @@ from pyinfra.core.errors import Error
 from pyinfra.core.present import Presented
 from pyinfra.core.public import public
 from pyinfra.core.vocabulary import KM_H, VEHICLE_TYPES
-from pyinfra.dataset.frame_sequence import FrameSequence
+from pyinfra.dataset.data_set import ids_are_tracks
+from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
+from pyinfra.dataset.frames import data_set_of, recorded_s
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.tracking.hota import ZERO_M, Hota, Sightings, clear, distances, hota
-from pyinfra.tracking.lines import Line, lines_of
+from pyinfra.tracking.lines import AnyLines, Line, lines_of
 from pyinfra.tracking.movements import movements
 from pyinfra.tracking.passages import passages
 
 VISIBLE = 0.2  # least visible share of an evaluated vehicle
 PASSAGE_S, PASSAGE_M = 1.5, 2.5  # largest differences between a passage and its truth
 _RISE = 5  # frames before and after a frame, over which the true speed is measured
+
+
+class UnknownIds(Error):
+    """The ids of vehicles do not say which boxes are those of one vehicle."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -61,7 +67,7 @@ def evaluate_tracks(
     tracks: pd.DataFrame,
     *,
     within_m: float = 80.0,
-    lines: Sequence[Line] | None = None,
+    lines: AnyLines | tuple[Line, ...] | None = None,
 ) -> TrackEvaluation:
     """Compares the tracks of vehicles with the objects of simulated frames.
 
@@ -73,7 +79,8 @@ def evaluate_tracks(
     frames : the frames that were tracked, with objects
     tracks : table of `track`
     within_m : largest distance of a vehicle from the sensor, metres
-    lines : lines at which passages are compared; by default those of the site's roads
+    lines : lines at which passages are compared, as `site` of `count`; by default those of the
+        site's roads
 
     Returns
     -------
@@ -81,7 +88,8 @@ def evaluate_tracks(
 
     Raises
     ------
-    Error : for frames without objects, and for lines that no site has
+    Error : for frames without objects or with objects without track ids, and for lines that no
+        site has
 
     Examples
     --------
@@ -98,8 +106,23 @@ def evaluate_tracks(
         raise Error(
             "frames: expected objects of simulated frames, to compare the tracks with, got none"
         )
-    chosen = lines_of(frames) if lines is None else list(lines)
-    return compare_with(truth, tracks, chosen, within_m=within_m, period_s=frames.period_s)
+    if isinstance(frames, RecordedFrames) and not ids_are_tracks(data_set_of(frames.folder)):
+        raise UnknownIds("frames: expected a track id for each vehicle, got `ids: unknown`")
+    if not isinstance(lines, (list, tuple)):
+        lines = lines_of(frames if lines is None else lines)
+    seconds = recorded_s(frames.numbers, frames.period_s)
+    return compare_with(truth, tracks, lines, within_m=within_m, seconds=seconds)
+
+
+def check_ids(vehicles: pd.DataFrame) -> None:
+    """Raises UnknownIds for vehicles without ids, and for ids that are not of one vehicle."""
+    unknown, twice = vehicles.id < 0, vehicles.duplicated(["frame", "id"])
+    if (unknown | twice).any():
+        row = vehicles[unknown | twice].iloc[0]
+        got = f"the id {row.id}" + (" twice" if row.id >= 0 else "")
+        raise UnknownIds(
+            f"frames: expected a track id for each vehicle, got {got} in frame {row.frame}"
+        )
 
 
 def true_objects(frames: FrameSequence) -> pd.DataFrame:
@@ -129,13 +152,14 @@ def compare_with(
     lines: Sequence[Line],
     *,
     within_m: float,
-    period_s: float,
+    seconds: float,
 ) -> TrackEvaluation:
-    """Compares tracks with a table of `true_objects`."""
+    """Compares tracks with a table of `true_objects`. seconds: duration of the recording."""
     tracks = tracks[tracks.type.isin(VEHICLE_TYPES)].reset_index(drop=True)
     distance = np.hypot(truth.x, truth.y)
     vehicle = truth.type.isin(VEHICLE_TYPES)
     counts = (vehicle & (distance <= within_m) & (truth.visibility >= VISIBLE)).to_numpy()
+    check_ids(truth[vehicle if lines else counts])
     everything, all_tracks = sightings(truth), sightings(tracks)
     to_object = nearest(everything, all_tracks)
     of_none = to_object < 0
@@ -144,7 +168,6 @@ def compare_with(
     a, b = sightings(truth[counts]), sightings(tracks[judged])
     parts: Hota = hota(a, b)
     mot = clear(a, b)
-    seconds = len(np.unique(truth.frame)) * period_s
     false = false_tracks(tracks[judged].id.to_numpy(), of_none[judged])
     matched = tracks[judged].iloc[mot.pairs[:, 1]]
     true_speed = truth[counts].speed_m_s.to_numpy()[mot.pairs[:, 0]]

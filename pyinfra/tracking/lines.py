@@ -2,8 +2,9 @@
 
 import itertools
 import os
+from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -13,6 +14,7 @@ import numpy.typing as npt
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 from pyinfra.core.names import path_of, repeated
+from pyinfra.dataset.data_set import is_of_lanes
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
 from pyinfra.dataset.frames import data_set_of
 from pyinfra.dataset.loading import one_lidar
@@ -21,6 +23,7 @@ from pyinfra.dataset.world_frame import to_levelled, to_world
 from pyinfra.formats.yaml_file import read_yaml
 
 BEYOND_M = 5.0  # a junction's lines are this far outside the crossing carriageways
+BRIDGE_M = 4.5  # roads with a greater difference in height do not cross
 AHEAD_M = 30.0  # a line across a road without junction is near this point of the sensor's x axis
 COMPASS = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
 FARTHEST_M = 1e4  # largest coordinate of a line
@@ -73,14 +76,14 @@ def lines_of(site: AnyLines) -> list[Line]:
     site : frames or a LiDAR's folder, whose roads have lines; a YAML file with `lines_m: {name:
         [[x, y], [x, y]]}`; the same as a mapping; or lines. Raises Error if there is no line.
     """
+    frames = frames_of(site)
     if isinstance(site, list):
         lines = site
     elif isinstance(site, Mapping):
         lines = drawn({name: np.asarray(ends, np.float64) for name, ends in site.items()})
-    elif not isinstance(site, FrameSequence) and path_of(site, "site").is_file():
+    elif frames is None:
         lines = read_lines(path_of(site, "site"))
     else:
-        frames = one_lidar(site, "site")
         if frames.lidar is None:
             raise Error(
                 "site: expected frames with lidar.yaml, or lines, got frames without lidar.yaml"
@@ -93,6 +96,15 @@ def lines_of(site: AnyLines) -> list[Line]:
     if twice := repeated([line.name for line in lines]):
         raise Error(f"site: expected a different name for each line, got '{twice}' twice")
     return lines
+
+
+def frames_of(site: AnyLines) -> FrameSequence | None:
+    """Returns the frames of a site; None for lines and for a file of lines."""
+    if isinstance(site, (list, Mapping)):
+        return None
+    if not isinstance(site, FrameSequence) and path_of(site, "site").is_file():
+        return None
+    return one_lidar(site, "site")
 
 
 def read_lines(file: Path) -> list[Line]:
@@ -131,15 +143,22 @@ def of_roads(roads: list[Road], frames: FrameSequence) -> list[Line]:
     """Returns a line at each arm of a junction of two roads, and one across each other road.
 
     The line across a road without junction is at the station nearest to the point AHEAD_M before
-    the sensor, because a sensor sees little of the road below it.
+    the sensor, because a sensor sees little of the road below it. Raises Error for a junction of
+    lanes, whose arms are not known.
     """
     assert frames.lidar is not None
     pose = frames.lidar.T_world_levelled
-    lines, joined = [], set[int]()
+    lines, joined, lanes = list[Line](), set[int](), _of_lanes(frames)
     for (i, a), (j, b) in itertools.combinations(enumerate(roads), 2):
         at = _crossing(a, b)
         if at is None:
             continue
+        if lanes:
+            raise Error(
+                f"site: expected roads, got the lanes {a.name} and {b.name}, which cross; draw "
+                "lines of your own (`lines_m`) for `site` of `count` or `lines` of "
+                "`evaluate_tracks`"
+            )
         joined |= {i, j}
         for road, other, index in ((a, b, at[0]), (b, a, at[1])):
             away = float(other.half_width.max()) + BEYOND_M
@@ -152,7 +171,18 @@ def of_roads(roads: list[Road], frames: FrameSequence) -> list[Line]:
             ahead = to_world(np.array([[AHEAD_M, 0.0]]), pose)
             nearest = np.hypot(*(road.xy - ahead).T).argmin()
             lines.append(_across(road, float(road.s[nearest]), 1, pose, ""))
-    return lines
+    times = Counter(line.name for line in lines)
+    return [
+        replace(line, name=f"{line.name} ({line.group})") if times[line.name] > 1 else line
+        for line in lines
+    ]
+
+
+def _of_lanes(frames: FrameSequence) -> bool:
+    """Returns whether the roads of frames are lanes from a file."""
+    if isinstance(frames, RecordedFrames):
+        return is_of_lanes(data_set_of(frames.folder))
+    return isinstance(frames, SimulatedFrames) and frames.of_lanes
 
 
 def _across(road: Road, s: float, sign: int, pose: object, group: str) -> Line:
@@ -169,11 +199,17 @@ def _across(road: Road, s: float, sign: int, pose: object, group: str) -> Line:
 
 
 def _crossing(a: Road, b: Road) -> tuple[int, int] | None:
-    """Returns the indices of the nearest points of two roads that cross; None for others."""
+    """Returns the indices of the nearest points of two roads that cross; None for others.
+
+    A road also crosses another if it ends on the other's carriageway, as at a T.
+    """
     apart = np.hypot(*(a.xy[:, None] - b.xy[None]).transpose(2, 0, 1))
     i, j = np.unravel_index(int(apart.argmin()), apart.shape)
-    inner = 0 < i < len(a.s) - 1 and 0 < j < len(b.s) - 1
-    return (int(i), int(j)) if apart[i, j] < 1 and inner else None
+    ends = i in (0, len(a.s) - 1), j in (0, len(b.s) - 1)
+    if all(ends) or abs(a.z[i] - b.z[j]) >= BRIDGE_M:
+        return None
+    near_m = b.half_width[j] if ends[0] else a.half_width[i] if ends[1] else 1.0
+    return (int(i), int(j)) if apart[i, j] < near_m else None
 
 
 def compass(heading: float) -> str:

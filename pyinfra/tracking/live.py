@@ -7,6 +7,7 @@ import json
 import re
 import threading
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import IntArray
-from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.errors import Error, FindingWarning, FormatError
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.tracking.state import TYPES, Boxes, Tracks
 from pyinfra.tracking.tracker import Tracker
@@ -26,7 +27,10 @@ from pyinfra.tracking.tracks import boxes_of, table_of
 POLL_S = 0.02
 WAITING = 2  # maximum number of lines that were read but not yet processed
 CLOUDS = (".bin", ".pcd")
-_EPOCH_S = 1e8  # a larger number in a file's name is a time in seconds, a smaller one a frame
+FRAMES = 1e11  # with a period, smaller whole numbers in names of files are frames
+SINCE_1970_S = (5e8, 5e9)  # times of the years 1985 to 2128
+UNORDERED = 10  # after so many late frames in a row, the clock has jumped back
+_UNITS = (1, 1e3, 1e6, 1e9)  # of times in names: s, ms, us and ns
 _SHOWN = [
     "id",
     "type",
@@ -52,11 +56,11 @@ class Arrival:
 def new_clouds(folder: Path, *, idle_s: float = np.inf) -> Iterator[Arrival]:
     """Yields the newest complete cloud file of a growing folder; older ones are dropped.
 
-    Files that exist at the start are not read. Files count in the order of their names. A file is
-    complete when its size has not changed for a poll, or a later file exists. Ends after idle_s
-    seconds without a new file.
+    Files that exist at the start are not read. New files count in the order of their names. A file
+    is complete when its size has not changed for a poll, or a later file exists. Ends after idle_s
+    seconds of waiting without a new file.
     """
-    last, changed, since = max(_clouds(folder), default=""), -1, time.monotonic()
+    known, changed, since = _clouds(folder), -1, time.monotonic()
     dropped, sizes = 0, dict[str, int]()
     while time.monotonic() - since < idle_s:
         stamp = folder.stat().st_mtime_ns
@@ -64,7 +68,9 @@ def new_clouds(folder: Path, *, idle_s: float = np.inf) -> Iterator[Arrival]:
             time.sleep(POLL_S)
             continue
         changed = stamp
-        names = sorted(name for name in _clouds(folder) if name > last)
+        present = _clouds(folder)
+        known &= present
+        names = sorted(present - known)
         sizes, before = {}, sizes
         ready = names[:-1]
         if names:
@@ -77,28 +83,40 @@ def new_clouds(folder: Path, *, idle_s: float = np.inf) -> Iterator[Arrival]:
             time.sleep(POLL_S)
             continue
         dropped += len(ready) - 1
-        last, since, file = ready[-1], time.monotonic(), folder / ready[-1]
+        known |= set(ready)
+        file = folder / ready[-1]
         yield Arrival(file, file.stat().st_mtime, dropped)
+        since = time.monotonic()  # the time that the reader of the file takes is not idle
 
 
-def _clouds(folder: Path) -> list[str]:
-    return [file.name for file in folder.iterdir() if file.suffix.lower() in CLOUDS]
+def _clouds(folder: Path) -> set[str]:
+    return {file.name for file in folder.iterdir() if file.suffix.lower() in CLOUDS}
 
 
 def time_of(file: Path, period_s: float | None) -> float:
-    """Returns the time of a cloud: that of its name in seconds, or its number times the period.
+    """Returns the time of a cloud in seconds, from the number at the end of its name.
 
-    Raises Error for a name without a number, and for a frame number without a period.
+    A whole number is a frame if there is a period. Else a number is a time since 1970 in s, ms, us
+    or ns, or a time with decimals in s. Raises Error for other names.
     """
-    match = re.search(r"\d+(?:\.\d+)?$", file.stem)
+    match = re.search(r"(?<!\d)(?<!\d\.)\d+(?:\.\d+)?$", file.stem)
     if match is None:
         raise Error(f"{file}: expected a time or a frame number at the end of the name, got none")
-    value = float(match[0])
-    if value > _EPOCH_S or "." in match[0]:
-        return value
-    if period_s is None:
+    value, is_whole = float(match[0]), "." not in match[0]
+    if is_whole and period_s is not None and value < FRAMES:
+        return (value + 0.5) * period_s
+    first, last = SINCE_1970_S
+    for unit in _UNITS:
+        if first <= value / unit < last:
+            return value / unit
+    if is_whole and value < first:
         raise Error(f"{file}: expected a time in the name, got a frame number; set `period_s`")
-    return (value + 0.5) * period_s
+    if value >= last:
+        raise Error(
+            f"{file}: expected a time since 1970 in s, ms, us or ns, of the years 1985 to 2128, "
+            f"got {match[0]}"
+        )
+    return value
 
 
 def new_lines(stream: Iterable[str], *, drop: bool = True) -> Iterator[Arrival]:
@@ -109,13 +127,17 @@ def new_lines(stream: Iterable[str], *, drop: bool = True) -> Iterator[Arrival]:
         return
     waiting: deque[tuple[str, float]] = deque(maxlen=WAITING)
     state, ready = {"read": 0, "open": 1}, threading.Condition()
+    failed = list[Exception]()
 
     def read() -> None:
-        for line in stream:
-            with ready:
-                waiting.append((line, time.time()))
-                state["read"] += 1
-                ready.notify()
+        try:
+            for line in stream:
+                with ready:
+                    waiting.append((line, time.time()))
+                    state["read"] += 1
+                    ready.notify()
+        except Exception as error:  # the reader of the lines raises it
+            failed.append(error)
         with ready:
             state["open"] = 0
             ready.notify()
@@ -126,11 +148,13 @@ def new_lines(stream: Iterable[str], *, drop: bool = True) -> Iterator[Arrival]:
         with ready:
             ready.wait_for(lambda: waiting or not state["open"])
             if not waiting:
-                return
+                break
             line, arrived_s = waiting.popleft()
             taken += 1
             dropped = state["read"] - taken - len(waiting)
         yield Arrival(line, arrived_s, dropped)
+    if failed:
+        raise failed[0]
 
 
 def boxes_of_line(line: str) -> tuple[float, Boxes]:
@@ -143,6 +167,8 @@ def boxes_of_line(line: str) -> tuple[float, Boxes]:
         time_s, rows = float(value["t_s"]), list(value["boxes"])
         table = pd.DataFrame(rows, columns=["type", *BOX, "score"])
         table[[*BOX, "score"]] = table[[*BOX, "score"]].astype(float)
+        if other := [name for name in table["type"] if not isinstance(name, str)]:
+            raise TypeError(f"type: expected text, got {other[0]}")
     except (ValueError, KeyError, TypeError) as error:
         raise FormatError(
             f"expected a line with t_s and boxes of type, {', '.join(BOX)} and score, got "
@@ -159,14 +185,25 @@ def live_lines(
     """Yields a JSON line for each frame that arrives.
 
     It has t_s, delay_s (from the arrival to the line), dropped (frames so far) and tracks. A frame
-    that is not later than the one before is left out, and counts as `unordered`.
+    that is not later than the latest one is left out, and counts as `unordered`. If a frame is
+    earlier by more than gap_s, or the last of UNORDERED such frames, the clock has jumped back: all
+    tracks end, with a warning.
     """
-    unordered = 0
+    unordered = late = 0
+    gap_s = tracker.settings.gap_s
     for arrival in arrivals:
         time_s, boxes = read(arrival.item)
-        if tracker.time_s is not None and time_s <= tracker.time_s:
+        step_s = np.nan if tracker.time_s is None else time_s - tracker.time_s
+        late = late + 1 if step_s <= 0 else 0
+        if late and step_s >= -gap_s and late < UNORDERED:
             unordered += 1
             continue
+        if late or step_s > gap_s:
+            text = f"t_s: expected steps of 0 to {gap_s:g} s, got {step_s:g} s; all tracks ended"
+            warnings.warn(text, FindingWarning, stacklevel=2)
+        if late:
+            tracker.restart()
+            late = 0
         tracks = tracker.step(time_s, boxes)
         line = {
             "t_s": round(time_s, 6),

@@ -15,7 +15,8 @@ def movements(passages: pd.DataFrame, lines: Sequence[Line]) -> pd.DataFrame:
     """Returns one row per track that passes a line, ordered by time.
 
     The movement of a track is from the first to the last line that it passes. On a line that
-    stands alone it is the line and the direction. `travel_s` is the time between both lines.
+    stands alone it is the line and the direction, in brackets if a line has its name. `travel_s` is
+    the time between both lines.
     """
     groups = {line.name: line.group for line in lines}
     rows = []
@@ -26,6 +27,7 @@ def movements(passages: pd.DataFrame, lines: Sequence[Line]) -> pd.DataFrame:
         if start == end:
             if not groups[start]:
                 end = first.direction
+                end = f"({end})" if end in groups else end
             elif first["sign"] > 0:
                 end = UNKNOWN
             else:

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
-from scipy.cluster.hierarchy import fcluster, linkage
 
 from pyinfra.core.arrays import FloatArray, IntArray
-from pyinfra.core.vocabulary import KM_H
+from pyinfra.core.vocabulary import KM_H, PERSON_TYPES
 from pyinfra.tracking.lines import Line
 
 COLUMNS = [
@@ -20,7 +19,8 @@ LANE_M = 2.2  # passages whose offsets differ by less, on average, are in one la
 def passages(tracks: pd.DataFrame, lines: Sequence[Line]) -> pd.DataFrame:
     """Returns the passages of tracks over lines, ordered by time.
 
-    A track passes a line at most once: going back and forth over it cancels.
+    A track passes a line at most once: going back and forth over it cancels. Only vehicles have
+    lanes and headways; the lane of people is 0.
 
     tracks : frame, t_s, id, type, x y dx, speed_m_s, ordered by frame
     """
@@ -47,7 +47,7 @@ def passages(tracks: pd.DataFrame, lines: Sequence[Line]) -> pd.DataFrame:
     table = pd.concat(parts).sort_values(["t_s", "id"], ignore_index=True)
     table["speed_km_h"] = KM_H * table.pop("speed_m_s")
     table["lane"] = 0
-    for _, part in table.groupby(["line", "sign"]):
+    for _, part in table[~table["type"].isin(PERSON_TYPES)].groupby(["line", "sign"]):
         table.loc[part.index, "lane"] = _lanes(part.offset_m.to_numpy(), int(part["sign"].iloc[0]))
     return with_headways(table)[COLUMNS]
 
@@ -76,17 +76,27 @@ def _crossings(
 
 
 def _lanes(offset: FloatArray, sign: int) -> IntArray:
-    """Returns lane numbers from 1, from the right in the direction of travel."""
-    if len(offset) == 1:
-        return np.ones(1, np.int64)
-    group = fcluster(linkage(offset[:, None], "average"), LANE_M, "distance")
-    order = pd.Series(offset).groupby(group).mean().sort_values(ascending=sign < 0).index
-    return np.asarray(order.get_indexer(group) + 1, np.int64)
+    """Returns lane numbers from 1, from the right in the direction of travel.
+
+    This is clustering by average linkage. On a line, the average distance of two clusters is that
+    of their means, and only neighbours are joined.
+    """
+    order = np.argsort(-sign * offset, kind="stable")
+    means, sizes = -sign * offset[order], np.ones(len(offset), np.int64)
+    while len(means) > 1 and (apart := np.diff(means)).min() <= LANE_M:
+        i = int(apart.argmin())
+        means[i] = np.average(means[i : i + 2], weights=sizes[i : i + 2])
+        sizes[i] += sizes[i + 1]
+        means, sizes = np.delete(means, i + 1), np.delete(sizes, i + 1)
+    lanes = np.empty(len(offset), np.int64)
+    lanes[order] = np.repeat(np.arange(1, len(sizes) + 1), sizes)
+    return lanes
 
 
 def with_headways(table: pd.DataFrame) -> pd.DataFrame:
     """Adds the time to the vehicle before in the lane: front to front, and without its length."""
-    headway = table.groupby(["line", "sign", "lane"], sort=False).t_s.diff()
+    lanes = [table.line, table["sign"], table.lane.where(table.lane > 0)]
+    headway = table.t_s.groupby(lanes).diff()
     passing_s = table.length_m / np.maximum(table.speed_km_h / KM_H, 0.5)
-    before = passing_s.groupby([table.line, table["sign"], table.lane]).shift(1)
+    before = passing_s.groupby(lanes).shift(1)
     return table.assign(headway_s=headway, gap_s=np.maximum(headway - before, 0))

@@ -9,19 +9,27 @@ from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.tracking.lines import Line
 
 STANDS_M_S = 1.5  # slower vehicles stand in a queue
-SPACING_M = 15.0  # a queue ends where the next standing vehicle is farther away
+GAP_M = 15.0  # a queue ends where the gap to the next standing vehicle is longer
 COLUMNS = ["start_s", "line", "mean_queue_m", "max_queue_m", "mean_queued", "max_queued"]
 
 
 def queues(
-    tracks: pd.DataFrame, lines: Sequence[Line], first_s: float, interval_s: float
+    tracks: pd.DataFrame, lines: Sequence[Line], start_s: float, end_s: float, interval_s: float
 ) -> pd.DataFrame:
     """Returns the queues by interval and line.
 
-    A queue are the standing vehicles before a line, within its width, each at most SPACING_M behind
-    the one before. Its length is from the line to the centre of the last vehicle.
+    A queue are the standing vehicles before a line, within its width, each with at most GAP_M
+    between its front and the line or the vehicles before it. Its length is from the line to the
+    centre of the last vehicle. Means are those of all frames between start_s and end_s: a frame
+    without tracks has no queue.
     """
     times = np.unique(tracks.t_s.to_numpy(np.float64))
+    step_s = np.median(np.diff(times)) if len(times) > 1 else np.inf
+    number = np.floor((times - start_s) / interval_s)
+    count = int(max(np.ceil((end_s - start_s) / interval_s - 1e-9), number.max(initial=-1) + 1))
+    starts = start_s + interval_s * np.arange(count)
+    recorded = np.round(np.minimum(interval_s, end_s - starts) / step_s)
+    frames = np.maximum(np.bincount(number.astype(int), minlength=count), np.maximum(recorded, 1))
     slow = tracks[(tracks.speed_m_s < STANDS_M_S) & ~tracks.type.isin(PERSON_TYPES)]
     parts = []
     for line in lines:
@@ -33,18 +41,17 @@ def queues(
         before, offset = -(xy @ np.array([-along[1], along[0]])), xy @ along
         within = (before > 0) & (offset >= 0) & (offset <= line.length_m)
         rows = pd.DataFrame({"t_s": slow.t_s.to_numpy()[within], "before": before[within]})
-        rows = rows.sort_values(["t_s", "before"])
-        gap = rows.groupby("t_s").before.diff().fillna(rows.before)
-        joined = (gap <= SPACING_M).groupby(rows.t_s).cummin()
+        half_m = slow.dx.to_numpy(np.float64)[within] / 2
+        rows["front"], rows["rear"] = rows.before - half_m, rows.before + half_m
+        rows = rows.sort_values(["t_s", "front"])
+        reached = rows.groupby("t_s").rear.cummax().groupby(rows.t_s).shift(fill_value=0)
+        joined = (rows.front - reached <= GAP_M).groupby(rows.t_s).cummin()
         queue = rows[joined].groupby("t_s").before.agg(["max", "size"])
-        queue = queue.reindex(times, fill_value=0).rename_axis("t_s").reset_index()
-        queue["start_s"] = first_s + interval_s * np.floor((queue.t_s - first_s) / interval_s)
-        part = queue.groupby("start_s").agg(
-            mean_queue_m=("max", "mean"),
-            max_queue_m=("max", "max"),
-            mean_queued=("size", "mean"),
-            max_queued=("size", "max"),
-        )
-        parts.append(part.reset_index().assign(line=line.name))
+        groups = queue.reindex(times, fill_value=0).groupby(number)
+        sums, most = (g.reindex(range(count), fill_value=0) for g in (groups.sum(), groups.max()))
+        part = pd.DataFrame({"start_s": starts, "line": line.name})
+        part["mean_queue_m"], part["max_queue_m"] = sums["max"] / frames, most["max"]
+        part["mean_queued"], part["max_queued"] = sums["size"] / frames, most["size"]
+        parts.append(part)
     table = pd.concat(parts) if parts else pd.DataFrame(columns=COLUMNS)
     return table[COLUMNS].sort_values(["start_s", "line"], ignore_index=True)

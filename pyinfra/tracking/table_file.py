@@ -13,11 +13,18 @@ TRACK_COLUMNS = [
     "x_var_m2", "y_var_m2", "xy_cov_m2", "speed_var_m2_s2",
     "score", "frames_seen", "frames_missed", "state",
 ]  # fmt: skip
+NUMBER_FORMAT = "%.6g"  # of all columns but times
 
 
 def write_tracks(file: Path, tracks: pd.DataFrame) -> None:
     """Writes a table of `track`."""
-    write_csv(file, tracks, "%.6g")
+    write_csv(file, with_time_text(tracks), NUMBER_FORMAT)
+
+
+def with_time_text(table: pd.DataFrame) -> pd.DataFrame:
+    """Returns a table with its times as text with microseconds, also for times since 1970."""
+    times = table[[name for name in ("t_s", "start_s") if name in table]].astype(float)
+    return table.assign(**times.map(lambda t: f"{t:.6f}".rstrip("0").rstrip(".")))
 
 
 def read_tracks(file: Path) -> pd.DataFrame:
@@ -39,4 +46,13 @@ def read_tracks(file: Path) -> pd.DataFrame:
         row = int(table.duplicated(["frame", "id"]).idxmax())
         got = f"track {table['id'][row]:g} twice in frame {table['frame'][row]:g}"
         raise FormatError(f"{file}:{row + 2}: expected each track once in a frame, got {got}")
+    times = table[["frame", "t_s"]].drop_duplicates()
+    twice = times.duplicated("frame") | times.duplicated("t_s")
+    if twice.any():
+        row = int(twice.idxmax())
+        got = f"{table.t_s[row]:.6f} in frame {table['frame'][row]:g}"
+        raise FormatError(
+            f"{file}:{row + 2}: t_s: expected one time for each frame, and another for each other "
+            f"frame, got {got}"
+        )
     return table.astype(dict.fromkeys(numbers, "float64") | dict.fromkeys(whole, "int64"))

@@ -4,6 +4,7 @@ Tracker.step does these five steps for the boxes of one frame, for all tracks at
 Kalman filter is in motion.py, and the arrays that describe the tracks are in state.py.
 """
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +38,8 @@ OTHER_KIND = 6.0
 MISSED = 0.5  # decrease of the log odds of a track in view in a frame without a box
 HEADING_SHARE = 0.2  # weight of a new box in the filtered heading
 SIZE_FRAMES = 30  # a size is a mean over about so many boxes
+STEPS = 15  # the usual time between frames is the median of so many
+SKIPPED = 1.5  # frames are missing in a longer step, as a multiple of the usual one
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ class TrackSettings:
     birth_score : minimum score of a box that may begin a track, 0 to 1
     confirmed : sum of the log odds of a track's scores at which it counts as a track
     missed_s : seconds without a box after which a track in view ends
-    hidden_s : the same for a track that another object hides, or that stands
+    hidden_s : the same for a confirmed track that another object hides, or that stands
     gap_s : a gap between frames, in seconds, that ends all tracks
     """
 
@@ -82,6 +85,12 @@ class Tracker:
         self.tracks = Tracks.none()
         self.time_s: float | None = None
         self.next_id = 1
+        self._steps_s = deque[float](maxlen=STEPS)
+
+    def restart(self) -> None:
+        """Ends all tracks, so that the next frame may have any time. Ids continue."""
+        self.tracks, self.time_s = Tracks.none(), None
+        self._steps_s.clear()
 
     def step(self, time_s: float, boxes: Boxes) -> Tracks:
         """Processes the boxes of a frame and returns the tracks.
@@ -100,13 +109,17 @@ class Tracker:
         return self.tracks
 
     def _predict(self, time_s: float) -> None:
-        """Moves the tracks to a time."""
+        """Moves the tracks to a time. Those that end in skipped frames before it are left out."""
         before, self.time_s = self.time_s, time_s
         if before is None:
             return
         if time_s - before > self.settings.gap_s:
             self.tracks = Tracks.none()
             return
+        self._steps_s.append(time_s - before)
+        step_s = float(np.median(self._steps_s))
+        if time_s - before > SKIPPED * step_s:
+            self.tracks = self.tracks.select(np.flatnonzero(self._lasting(time_s - step_s)))
         t = self.tracks
         dt_s, across = round(time_s - before, 6), np.clip(TURN_PER_S * t.speed(), 0.1, 1.5)
         along = by_kind(t.person, NOISE_M_S2)
@@ -211,14 +224,18 @@ class Tracker:
     def _death(self, time_s: float) -> None:
         """Ends tracks that were missed for too long, doubtful ones, and second tracks of one
         object."""
+        t = self.tracks
+        doubtful = t.odds < np.where(t.confirmed, -self.settings.confirmed, -1)
+        self.tracks = t = t.select(np.flatnonzero(~doubtful & self._lasting(time_s)))
+        self.tracks = t.select(np.flatnonzero(~doubled(t)))
+
+    def _lasting(self, time_s: float) -> BoolArray:
+        """Returns which tracks were not missed for too long at a time."""
         t, settings = self.tracks, self.settings
-        patient = t.hidden | (t.speed() < MOVES_M_S)
+        patient = t.confirmed & (t.hidden | (t.speed() < MOVES_M_S))
         allowed_s = np.where(patient, settings.hidden_s, settings.missed_s)
         allowed_s[self.view.outside(t.boxes())] = OUTSIDE_S
-        doubtful = t.odds < np.where(t.confirmed, -settings.confirmed, -1)
-        keep = ~doubtful & (~t.confirmed | (time_s - t.last_s <= allowed_s))
-        self.tracks = t = t.select(np.flatnonzero(keep))
-        self.tracks = t.select(np.flatnonzero(~doubled(t)))
+        return np.asarray(time_s - t.last_s <= allowed_s)
 
 
 def evidence(scores: FloatArray) -> FloatArray:

@@ -164,9 +164,9 @@ def boxes_of(detections: pd.DataFrame) -> Boxes:
         )
     if (wrong := ~((scores >= 0) & (scores <= 1))).any():
         raise Error(f"detections: score: expected 0 to 1, got {scores[wrong][0]:g}")
-    kinds = pd.Index(TYPES).get_indexer(detections["type"])
+    kinds = pd.Index(TYPES).get_indexer(detections["type"].astype(str))
     if (kinds < 0).any():
-        name = detections["type"].iloc[int(np.argmin(kinds))]
+        name = str(detections["type"].iloc[int(np.argmin(kinds))])
         raise Error(
             f"detections: type: expected a known type, got '{name}'{suggestion(name, TYPES)}"
         )

@@ -35,7 +35,8 @@ svg{max-width:100%;height:auto}
 def write_page(counts: Counts, out: Path, *, title: str = "Traffic") -> None:
     """Writes one HTML file without references to other files. Raises Error for a folder."""
     check_file(out)
-    moved = counts.movements.groupby("movement", as_index=False)[["count", "flow_per_h"]].sum()
+    moved = counts.movements.groupby("movement", as_index=False)[["count"]].sum()
+    moved["flow_per_h"] = 3600 * moved["count"] / max(counts.seconds, 1e-3)
     lanes = counts.flows.drop(columns=["std_km_h"])
     parts = [
         f"<h1>{html.escape(title)}</h1>",
@@ -91,7 +92,7 @@ def _arrow(ax: Axes, lines: dict[str, Line], row: Any, most: int) -> None:
         last = out_middle - out_along * lines[row.end].length_m / 4
         points = np.array([middle + along * start.length_m / 4, np.mean(inside, axis=0), last])
     else:
-        sign = 1 if row.end == start.forward else -1
+        sign = 1 if row.end in (start.forward, f"({start.forward})") else -1
         ahead = np.array([-along[1], along[0]]) * sign
         base = middle + sign * along * start.length_m / 4
         points = np.array([base - ahead * LONE_M / 2, base, base + ahead * LONE_M / 2])

@@ -22,6 +22,7 @@ import pandas as pd
 import pyinfra as pi
 from pyinfra.core.arrays import FloatArray
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
+from pyinfra.dataset.frames import recorded_s
 from pyinfra.dataset.launch import binary
 from pyinfra.models.inference.folder import Place, detector_at_place
 from pyinfra.tracking.evaluation import compare_with, true_objects
@@ -91,7 +92,8 @@ def frames_of(scene: str, lidar: str, seed: int, work: Path) -> FrameSequence:
 def rows(scene: str, lidar: str, seed: int, work: Path) -> Iterator[dict[str, object]]:
     """Yields the row of the detector's boxes and that of true boxes."""
     case = case_of(scene, lidar, seed, work)
-    lines, period_s = lines_of(case.frames), case.frames.period_s
+    lines = lines_of(case.frames)
+    seconds = recorded_s(case.frames.numbers, case.frames.period_s)
     detector_time = detector_ms(case.frames)
     keys = {"scene": scene, "lidar": lidar, "preset": "datasheet", "seed": seed}
     truth = case.truth[case.truth.visibility >= 0].reset_index(drop=True)
@@ -101,7 +103,7 @@ def rows(scene: str, lidar: str, seed: int, work: Path) -> Iterator[dict[str, ob
         start = time.process_time()
         tracks = pi.track(boxes.drop(columns="t_s", errors="ignore"), case.frames)
         tracker_ms = 1000 * (time.process_time() - start) / FRAMES
-        found = compare_with(case.truth, tracks, lines, within_m=WITHIN_M, period_s=period_s)
+        found = compare_with(case.truth, tracks, lines, within_m=WITHIN_M, seconds=seconds)
         per_frame = len(tracks) / FRAMES
         yield {
             **keys,

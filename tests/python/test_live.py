@@ -8,6 +8,7 @@ import json
 import threading
 import time
 import tracemalloc
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from tracking_data import boxes, straight
 
 import pyinfra as pi
 from pyinfra.cli import main
+from pyinfra.core.errors import FindingWarning, FormatError
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.tracking import live
 from pyinfra.tracking.tracker import Tracker
@@ -64,6 +66,13 @@ def test_a_wrong_line_is_refused(line: str) -> None:
         live.boxes_of_line(line)
 
 
+@pytest.mark.parametrize("kind", ["", '"type": 3,', '"type": ["Car"],', '"type": null,'])
+def test_a_box_without_a_type_is_refused(kind: str) -> None:
+    numbers = ", ".join(f'"{name}": 1' for name in (*BOX, "score"))
+    with pytest.raises(FormatError):
+        live.boxes_of_line(f'{{"t_s": 1, "boxes": [{{{kind} {numbers}}}]}}')
+
+
 def test_a_repeated_or_late_frame_is_left_out_and_counted() -> None:
     some = lines(5)
     order = [some[0], some[1], some[1], some[0], some[2]]
@@ -71,6 +80,56 @@ def test_a_repeated_or_late_frame_is_left_out_and_counted() -> None:
     out = [json.loads(x) for x in live.live_lines(arrivals, live.boxes_of_line, Tracker())]
     assert [line["t_s"] for line in out] == [0.05, 0.15, 0.25]
     assert out[-1]["unordered"] == 2
+
+
+def at(times_s: list[float]) -> list[str]:
+    """Returns the lines of a car that drives 0.8 m from frame to frame."""
+    boxes_text = [line.partition(', "boxes"')[2] for line in lines(len(times_s))]
+    return [f'{{"t_s": {t}, "boxes"{b}' for t, b in zip(times_s, boxes_text, strict=True)]
+
+
+TIMES_S = [100 + k / 10 for k in range(60)]
+
+
+@pytest.mark.parametrize(
+    ("times_s", "left_out", "warnings"),
+    [
+        ([*TIMES_S[:20], *(t - 90 for t in TIMES_S[20:])], 0, 1),  # the clock starts again
+        ([*TIMES_S[:20], *(t - 5 for t in TIMES_S[20:])], 9, 1),
+        ([*TIMES_S[:20], 9e9, *TIMES_S[21:]], 0, 2),  # one time in the future
+        ([*TIMES_S[:20], TIMES_S[20] + 5, *TIMES_S[21:]], 9, 1),
+        ([*TIMES_S[:20], *(t + 3600 for t in TIMES_S[20:])], 0, 1),
+    ],
+)
+def test_a_jump_of_the_clock_ends_tracks_with_a_warning_and_not_the_output(
+    times_s: list[float], left_out: int, warnings: int
+) -> None:
+    arrivals = live.new_lines(at(times_s), drop=False)
+    with pytest.warns(FindingWarning, match="t_s") as found:
+        out = [json.loads(x) for x in live.live_lines(arrivals, live.boxes_of_line, Tracker())]
+    assert len(found) == warnings
+    assert len(out) == len(times_s) - left_out
+    assert out[-1]["unordered"] == left_out
+    before, after = ({t["id"] for t in line["tracks"]} for line in (out[19], out[-1]))
+    assert len(after) == 2
+    assert min(after) > max(before)
+
+
+def test_times_in_nanoseconds_are_not_silent() -> None:
+    arrivals = live.new_lines(at([1e9 * t for t in TIMES_S]), drop=False)
+    with pytest.warns(FindingWarning, match="got 1e\\+08 s"):
+        assert len(list(live.live_lines(arrivals, live.boxes_of_line, Tracker()))) == 60
+
+
+def test_lines_that_cannot_be_read_do_not_wait_for_ever() -> None:
+    def stream() -> Iterator[str]:
+        yield "a"
+        raise OSError("no more")
+
+    arrivals = live.new_lines(stream())
+    assert next(arrivals).item == "a"
+    with pytest.raises(OSError, match="no more"):
+        next(arrivals)
 
 
 def test_a_slow_machine_drops_lines_and_keeps_the_newest() -> None:
@@ -112,7 +171,50 @@ def test_files_that_wait_are_dropped(tmp_path: Path) -> None:
     assert found[-1].dropped + len(found) == 10
 
 
+def test_the_time_of_a_slow_detector_is_not_idle(tmp_path: Path) -> None:
+    clouds, found = live.new_clouds(tmp_path, idle_s=0.5), []
+    threading.Timer(0.1, lambda: (tmp_path / "0.bin").write_bytes(b"0")).start()
+    for arrival in clouds:
+        found.append(arrival.item.name)
+        if len(found) < 3:
+            (tmp_path / f"{len(found)}.bin").write_bytes(b"0")
+            time.sleep(0.7)
+    assert found == ["0.bin", "1.bin", "2.bin"]
+
+
+def test_clouds_are_read_also_if_their_names_begin_again(tmp_path: Path) -> None:
+    (tmp_path / "000099.bin").write_bytes(b"0")
+    threading.Timer(0.1, lambda: (tmp_path / "000000.bin").write_bytes(b"0")).start()
+    found = [arrival.item.name for arrival in live.new_clouds(tmp_path, idle_s=0.7)]
+    assert found == ["000000.bin"]
+
+
+@pytest.mark.parametrize("period_s", [None, 0.1])
+@pytest.mark.parametrize(
+    ("name", "time_s"),
+    [
+        ("1777883410500", 1777883410.5),
+        ("1777883410500000", 1777883410.5),
+        ("cloud_1777883410500000000", 1777883410.5),
+        ("1777883410.500000", 1777883410.5),
+        ("0000000012.250000000", 12.25),
+    ],
+)
+def test_the_unit_of_a_time_is_that_of_its_size(
+    name: str, time_s: float, period_s: float | None
+) -> None:
+    assert live.time_of(Path(f"{name}.bin"), period_s) == pytest.approx(time_s, abs=1e-6)
+
+
+@pytest.mark.parametrize("period_s", [None, 0.1])
+@pytest.mark.parametrize("name", ["20260504103010123", "10.30.15", "20260504103010"])
+def test_a_date_is_no_time(name: str, period_s: float | None) -> None:
+    with pytest.raises(pi.Error, match="expected a time"):
+        live.time_of(Path(f"{name}.bin"), period_s)
+
+
 def test_the_time_of_a_cloud_is_that_of_its_name() -> None:
+    assert live.time_of(Path("4294967295.bin"), 0.1) == pytest.approx(429496729.55)
     assert live.time_of(Path("1777883410.500000.pcd"), None) == 1777883410.5
     assert live.time_of(Path("000012.bin"), 0.05) == pytest.approx(0.625)
     for name in ("cloud.pcd", "000012.pcd"):

@@ -20,7 +20,7 @@ from pyinfra.dataset.frame_sequence import RecordedFrames, SimulatedFrames
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.exchange.track_files import write_kitti_tracking
 from pyinfra.formats import kitti
-from pyinfra.tracking.evaluation import geh, true_objects
+from pyinfra.tracking.evaluation import UnknownIds, check_ids, geh, true_objects
 from pyinfra.tracking.hota import Sightings, clear, hota
 from pyinfra.tracking.lines import lines_of
 from pyinfra.tracking.passages import passages
@@ -237,6 +237,39 @@ def test_true_speeds_are_those_of_the_motion() -> None:
     truth = true_objects(frames)
     assert truth.speed_m_s.dropna().between(14, 20).all()
     assert truth.speed_m_s.notna().mean() > 0.9
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> Path:
+    """Returns the folder of a LiDAR with 10 frames."""
+    frames = pi.simulate(pi.load_scene("highway", seed=1, set=SHORT), "helios_16", range(10))
+    return frames.save(tmp_path / "data") / "helios_16"
+
+
+@pytest.mark.parametrize("change", ["unknown", "-1"])
+def test_vehicles_without_track_ids_have_no_measures(
+    saved: Path, change: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    frames = pi.load_dataset(saved)
+    assert isinstance(frames, RecordedFrames)
+    tracks = pi.track(frames.labels.assign(score=0.9), frames)
+    pi.evaluate_tracks(frames, tracks, lines=[])
+    if change == "unknown":
+        with (saved.parent / "dataset.yaml").open("a") as stream:
+            stream.write("ids: unknown\n")
+    else:
+        for file in (saved / "training/objects").iterdir():
+            pd.read_csv(file, dtype=str).assign(id=change).to_csv(file, index=False)
+    with pytest.raises(UnknownIds):
+        pi.evaluate_tracks(frames, tracks, lines=[])
+    with pytest.raises(UnknownIds):
+        check_ids(pd.DataFrame({"frame": [3, 3], "id": [7, 7]}))
+    boxes_folder = pi.Detections(frames.labels.assign(score=0.9)).save(saved.parent / "boxes")
+    words = [str(saved), str(boxes_folder), "--out", str(saved.parent / "tracks.csv")]
+    assert main.main(["track", *words]) == 0
+    printed = capsys.readouterr().out
+    assert "track id" in printed
+    assert "HOTA" not in printed
 
 
 def test_other_formats_have_the_same_tracks(tmp_path: Path) -> None:

@@ -13,6 +13,8 @@ import pyinfra as pi
 from pyinfra.dataset.frame_sequence import RecordedFrames
 from pyinfra.tracking import motion
 from pyinfra.tracking.occlusion import hidden_behind
+from pyinfra.tracking.tracker import Tracker
+from pyinfra.tracking.tracks import boxes_of
 
 FOUR = [straight(-40, y, v) for y, v in ((0, 15), (3.5, 14), (7, 9), (10.5, 12))]
 
@@ -94,6 +96,33 @@ def test_doubtful_boxes_make_no_track_and_several_sure_ones_do() -> None:
     assert len(pi.track(truth.assign(score=0.4), period_s=PERIOD_S)) == 0
     assert len(pi.track(truth[:1], period_s=PERIOD_S)) == 0
     assert len(pi.track(truth, period_s=PERIOD_S)) == 30
+
+
+def test_a_doubtful_track_ends_also_where_it_is_hidden() -> None:
+    """Without its end, the next vehicle of that place would be counted from the first box on."""
+    tracker = Tracker()
+    truck = boxes([straight(20, 0, 0.0)], 1).assign(dx=4.0, dy=10.0, dz=4.5, z=-3.5)
+    doubtful = boxes([straight(30, 0, 0.0)], 1).assign(score=0.45)
+    tracker.step(0.1, boxes_of(pd.concat([truck, doubtful])))
+    for k in range(2, 31):
+        tracker.step(k / 10, boxes_of(truck))
+        if k == 10:
+            assert tracker.tracks.hidden.tolist() == [False, True]
+    assert tracker.tracks.ids.tolist() == [1]
+
+
+@pytest.mark.parametrize("period_s", [0.1, 0.5, 2.0])
+def test_frames_without_boxes_may_be_left_out(period_s: float) -> None:
+    """Two vehicles follow each other after 9 s, on the same path and without a box in between."""
+    first = boxes([straight(-20, 5, 5.0 * period_s / PERIOD_S)], 20)  # 5 m/s
+    gap = round(9 / period_s)
+    both = pd.concat([first, first.assign(frame=first.frame + first.frame.max() + gap)])
+    alone = pi.track(both, period_s=period_s)
+    parked = boxes([straight(0, 60, 0.0)], both.frame.max() + 1)
+    beside = pd.concat([both, parked]).sort_values("frame", kind="stable")
+    known = pi.track(beside, period_s=period_s)
+    assert alone.id.nunique() == 2
+    assert known[known.y < 30].id.nunique() == 2
 
 
 def test_boxes_of_several_types_of_one_object_are_one_track() -> None:
