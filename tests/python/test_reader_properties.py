@@ -27,6 +27,7 @@ from pyinfra.formats import kitti
 from pyinfra.formats.pcd_file import read_pcd
 
 pytestmark = pytest.mark.timeout(LIMIT_S)
+HIGHEST = 255.0  # intensity of the clouds
 TYPES = {"F4": "<f4", "F8": "<f8", "I2": "<i2", "I4": "<i4", "U1": "<u1", "U2": "<u2", "U4": "<u4"}
 INTENSITIES = ("Intensity", "intensity", "INTENSITY", "i", "Reflectivity", "scalar_Intensity")
 EXTRAS = (("ring", "U2", 1), ("_", "U1", 3), ("_", "U1", 5), ("GpsTime", "F8", 1), ("n", "F4", 3))
@@ -113,7 +114,8 @@ def test_pcd_files_of_any_writer_are_read_where_their_viewpoint_says(tmp_path: P
     @given(clouds())
     def holds(cloud: Cloud) -> None:
         file.write_bytes(cloud.bytes)
-        points = points_of(file, read_pcd(file), Options())
+        points = points_of(file, read_pcd(file), Options(intensity_max=HIGHEST))
+        points[:, 3] *= HIGHEST
         np.testing.assert_allclose(points, cloud.points, atol=1e-4)
 
     tried(holds)
@@ -167,11 +169,12 @@ def test_the_columns_of_bin_files_are_read_off_and_reported(tmp_path: Path) -> N
         (folder / inside).mkdir(parents=True)
         for i, cloud in enumerate(clouds):
             cloud.tofile(folder / inside / f"{i}.bin")
-        recording = reader(layout)(folder, Options())
+        recording = reader(layout)(folder, Options(intensity_max=HIGHEST))
         for i, cloud in enumerate(clouds):
             points = recording.read(i).points
             assert np.array_equal(points[:, :3], cloud[:, :3])
-            assert np.array_equal(points[:, 3], cloud[:, 3] if columns > 3 else 0 * cloud[:, 0])
+            shares = cloud[:, 3] / HIGHEST if columns > 3 else 0 * cloud[:, 0]
+            assert np.array_equal(points[:, 3], shares)
         assert recording.notes is not None
         assert columns == 4 or any(f"has {columns} float32" in note for note in recording.notes())
 
