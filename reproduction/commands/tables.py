@@ -165,6 +165,7 @@ TEXTS: dict[str, Callable[[], str]] = {
     "poles": sentences_of_poles.poles,
     "pole errors": sentences_of_poles.pole_errors,
     "unseen": sentences_of_models.unseen,
+    "unseen pose": sentences_of_models.unseen_pose,
 }
 
 
