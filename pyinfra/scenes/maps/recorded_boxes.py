@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.errors import Error, FormatError
-from pyinfra.dataset.frame_readers import has_key, read_labelled, read_vehicles
+from pyinfra.dataset.data_set import ids_are_tracks
+from pyinfra.dataset.frame_readers import read_labelled, read_vehicles
+from pyinfra.dataset.frames import data_set_of, usual_step
 from pyinfra.dataset.world_frame import boxes_to_world
 from pyinfra.formats.csv_table import expect, numbers, read_words
 from pyinfra.formats.kitti import frames, read_lidar
@@ -131,7 +133,7 @@ def read_frames(folder: Path) -> list[BoxTrack]:
     The tracks are in the world frame. Raises FormatError and OSError.
     """
     lidar, numbers = read_lidar(folder), np.array(frames(folder), dtype=np.int64)
-    tracked = has_key(folder, b"ids", b" tracks") and (folder / "training/objects").is_dir()
+    tracked = ids_are_tracks(data_set_of(folder)) and (folder / "training/objects").is_dir()
     found = (read_vehicles if tracked else read_labelled)(folder, numbers.tolist())
     if not len(found):
         raise FormatError(f"{folder}: expected one or more labels, got none")
@@ -143,14 +145,14 @@ def read_frames(folder: Path) -> list[BoxTrack]:
     boxes = boxes_to_world(found.boxes, lidar.T_world_levelled)
     ids, classes = found.ids.copy(), pd.Series(found.names)
     new = np.flatnonzero(ids < 0)
-    step_s = lidar.period_s * _usual_step(numbers)
+    step_s = lidar.period_s * usual_step(numbers.tolist())
     ids[new] = ids.max() + 1 + link(times[new], boxes[new], found.names[new], step_s)
     usual = classes.groupby(ids).transform(lambda names: names.mode()[0]).to_numpy(str)
     return _tracks(folder, times, boxes, usual, ids)
 
 
-def _usual_step(times: FloatArray | IntArray) -> float:
-    """Returns the median step between times or numbers; 1 for a single one."""
+def _usual_step(times: FloatArray) -> float:
+    """Returns the median step between times (n,) in seconds; 1 for a single one."""
     steps = np.diff(np.unique(times))
     return float(np.median(steps)) if len(steps) else 1.0
 
