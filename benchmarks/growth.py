@@ -26,14 +26,14 @@ from pyinfra.core.version import __version__, machine
 from pyinfra.dataset import simulation
 from reproduction import ROOT, add_out
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 BINARY = Path("build/dev/cpp/infrasim")
 LIDAR = "ruby_plus"  # 128 lines
-FEW, MANY = 10, 110  # frames; the difference is the time of 100 frames without the start
+FEW, MANY = 10, 110  # numbers of frames; the difference of their times excludes the start-up
 CARS = {"Car": 0.74, "Van": 0.1, "Truck": 0.06, "Bus": 0.03, "Motorcycle": 0.07}
 SPACE_M = 5.5  # mean length of a parking space
-SECONDS = 40  # of a scene, if the case does not say more
+SECONDS = 40  # duration of a scene, unless the case has another one
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Case:
     mounts: int = 1
     minutes: float = SECONDS / 60
     frames: int = MANY
-    step: int = 1  # every which frame is computed
+    step: int = 1  # every step-th frame is computed
 
 
 def cases() -> Iterator[Case]:

@@ -34,7 +34,7 @@ from pyinfra.core.version import __version__
 from pyinfra.models.ops import boxes, points, sparse
 from reproduction import add_out
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 GRID = (41, 1600, 1408)  # voxels of 0.05 m and 0.1 m, as in PV-RCNN
 Ways = dict[str, Callable[[], object]]

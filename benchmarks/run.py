@@ -36,19 +36,19 @@ from pyinfra.core.version import __version__, machine
 from pyinfra.dataset import simulation
 from reproduction import add_out
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "dev"
-BINARY = Path("build/dev/cpp/infrasim")  # in a checkout
+BINARY = Path("build/dev/cpp/infrasim")  # path of infrasim in a checkout
 SCENE = ROOT / "configs" / "scenes" / "highway.yaml"
-DURATION_S = 40  # of the scene of `--against`
+DURATION_S = 40  # duration of the scene of `--against`
 FIRST_FRAMES, LAST_FRAMES = 20, 220
 STAGE_NAMES = (
     *("making rays", "casting", "leaves", "panes", "beam", "return model"),
     "collecting",
 )
-AGAINST = "this / other: "  # begins the rows of `--against`
+AGAINST = "this / other: "  # the names of the rows of `--against` begin with this
 STAGES = {
     "ruby_plus_paper": "128 lines, paper",
     "ruby_plus_datasheet": "128 lines, datasheet",

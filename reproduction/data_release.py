@@ -21,7 +21,7 @@ from reproduction.simulate import simulate
 FRAMES = 5000  # frames in a scene's 500 s
 CARD = "DATASET.md"
 SUMS = "SHA256SUMS"
-TIMES = "summary.csv"  # its times differ between runs
+TIMES = "summary.csv"  # file with times, which differ between runs
 
 
 def spread(count: int) -> range:

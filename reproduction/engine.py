@@ -39,11 +39,11 @@ from pyinfra.dataset.simulation import frames_version
 from pyinfra.experiments import pool
 from reproduction import ROOT
 
-RECORD = "steps.csv"  # of the folder of results: what was run, and what it took
+RECORD = "steps.csv"  # file that records the steps that were run, and their times
 CODE = ("bindings", "benchmarks", "configs", "cpp", "pyinfra", "reproduction")
 MODEL = ROOT / "pyinfra/models/generalist.safetensors"
-TOY_CPU_H = 0.01  # of a step at a toy size
-VERSION = "VERSION"  # the constant of a command's file
+TOY_CPU_H = 0.01  # assumed CPU time of a step at a toy size
+VERSION = "VERSION"  # name of the constant in a command's file
 
 
 @dataclass(frozen=True)
@@ -226,7 +226,7 @@ def run_part(part: Part) -> None:
             process = subprocess.Popen(
                 command, cwd=ROOT, stdout=log, stderr=log, stdin=subprocess.DEVNULL, pass_fds=[lock]
             )
-            _, status, used = os.wait4(process.pid, 0)  # with the processes that it waited for
+            _, status, used = os.wait4(process.pid, 0)  # includes the process's own children
             process.returncode = os.waitstatus_to_exitcode(status)
         if process.returncode == 0:
             cpu_s = round(used.ru_utime + used.ru_stime, 3)
@@ -328,7 +328,7 @@ def run(
         if together:
             pool.call_all(run_part, together, workers)
         for part in left:
-            run_part(part)  # those that measure times; the others are done
+            run_part(part)  # parts that measure times; the other parts have run
         failed += [part for part in left if not part.done.is_file()]
         for step in stale:
             if all(part.done.is_file() for part in parts[step]):

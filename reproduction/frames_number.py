@@ -5,8 +5,8 @@ import pandas as pd
 from pyinfra.core.errors import Error
 
 COLUMN = "frames_version"
-FIRST = 3  # number of rows that were recorded before the tables had the column
-VERSIONS = {3: "0.4", 4: "0.5"}  # the last version of the package that made frames of a number
+FIRST = 3  # frames_version of rows in tables without the column
+VERSIONS = {3: "0.4", 4: "0.5"}  # last version of the package with each frames_version
 
 
 def number_of(table: pd.DataFrame, name: str) -> int:

@@ -44,7 +44,7 @@ def rows_of_test(
     part: list of frames in ImageSets, or `all`.
     """
     frames = frame_numbers(folder, part)
-    if predictions.is_dir():  # of a test that was stopped
+    if predictions.is_dir():  # left by a test that was stopped
         shutil.rmtree(predictions)
     files = [kitti.frame_file(folder, "velodyne", k) for k in frames]
     site = place(folder)

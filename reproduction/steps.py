@@ -17,7 +17,8 @@ SCENES = ("--scenes", ("highway", "crossroad", "curve"))
 OTHER_SCENES = ("--scenes", ("crossroad", "curve"))
 PRESETS = ("--presets", ("paper", "datasheet"))
 SEEDS = ("--seeds", ("1", "2", "3"))
-# Further ones, up to 10, where a primary claim is undecided: `reproduction verdicts` prints them.
+# The first replicates. Where a primary claim is undecided, `reproduction verdicts` prints further
+# ones, up to 10.
 REPLICATES = ("--only", ("1", "2", "3"))
 
 # Files that no step makes, and how they are made.

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-MOST_WORDS = 30  # of a sentence
+MOST_WORDS = 30  # maximum number of words of a sentence
 MOST_NUMBERS = 3
 GENERATED = "reference.md"
 

@@ -256,7 +256,7 @@ def _check(args: argparse.Namespace) -> None:
         option = "--frames" if args.frames else "--max-frames" if args.max_frames else "--split"
         raise Error(f"{option}: expected a LiDAR's folder as DATA, got files of point clouds")
     for path in args.inputs:
-        path.stat()  # raises FileNotFoundError, before the place of a cloud is examined
+        path.stat()  # raises FileNotFoundError if the path does not exist
 
 
 def _folder_of(folder: Path) -> Path:

@@ -52,7 +52,7 @@ add_arguments = usage(
 
 
 def run(args: argparse.Namespace) -> int:
-    known = (args.out / MAP).exists()  # a folder of another import is an error
+    known = (args.out / MAP).exists()  # import_map raises an error if the folder has another import
     site = import_map(**arguments_of(import_map, args), vehicles_per_hour=0)
     record = read_keys(args.out / MAP)
     print(f"{args.out}: has the same import already" if known else site)

@@ -151,7 +151,7 @@ def _live(args: argparse.Namespace, tracker: Tracker) -> int:
         given = "--out" if args.pred is None else "PRED"
         raise Error(f"DATA: expected `-` without PRED and --out, got {given}")
     if isinstance(sys.stdin, io.TextIOWrapper):
-        sys.stdin.reconfigure(errors="replace")  # other bytes than UTF-8 are a wrong line
+        sys.stdin.reconfigure(errors="replace")  # a line that is not UTF-8 is reported as wrong
     arrivals = new_lines(sys.stdin, drop=not args.keep_all)
     with printed_findings(args):
         for line in live_lines(arrivals, boxes_of_line, tracker):

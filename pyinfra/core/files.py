@@ -52,7 +52,7 @@ def _expect_regular(file: Path) -> None:
     """Raises Error for a FIFO, a device or a socket."""
     try:
         found = file.stat()
-    except (OSError, ValueError):  # a path that cannot be opened either
+    except (OSError, ValueError):  # such a path cannot be opened either
         return
     kind = _KINDS.get(stat.S_IFMT(found.st_mode))
     if kind:
@@ -207,7 +207,7 @@ def naming(path: Path, beside: Path | None = None) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno is None:  # a library or this package raised it; the text may name the file
+        if error.errno is None:  # not an error of the system; its text may name the file
             if str(path.parent) in str(error):
                 raise
             raise OSError(errno.EIO, str(error) or os.strerror(errno.EIO), str(path)) from error

@@ -21,7 +21,7 @@ MENDABLE = {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.EACCE
 class PathError(Error, OSError):
     """The path in an argument is missing, of the wrong kind, not accessible, or exists already."""
 
-    exit_code = 1  # as that of other errors of files
+    exit_code = 1  # the same as for other errors of files
 
     def __new__(cls, *args: object) -> PathError:
         """Makes the error without __init__, as Dask does; Error's own is for another layout."""

@@ -10,8 +10,8 @@ import numpy as np
 from pyinfra.core.arrays import FloatArray, IntArray, Points, Records
 
 LEAST_LINES = 8  # recordings with fewer lines are not checked
-LEAST_POINTS = 20  # least median number of points of a line in a frame, beside a missing line
-WIDE = 1.6  # least angle between the neighbours of a missing line, in usual angles
+LEAST_POINTS = 20  # minimum median number of points per frame of the neighbours of a missing line
+WIDE = 1.6  # minimum angle between the neighbours of a missing line, relative to the usual gap
 MOST_SHARE = 0.25  # if a larger share is missing, the numbers are probably not those of lines
 
 

@@ -54,7 +54,7 @@ def read_vehicles(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
         vehicles = replace(vehicles, ids=track_ids(lidar_folder, vehicles.ids))
         if has_key(lidar_folder, b"frames_version"):
             return vehicles
-        return replace(vehicles, speed=np.full(len(vehicles), np.nan))  # recordings have 0
+        return replace(vehicles, speed=np.full(len(vehicles), np.nan))  # recordings have speed 0
     return read_labelled(lidar_folder, frames)
 
 

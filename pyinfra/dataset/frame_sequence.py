@@ -221,7 +221,7 @@ class SimulatedFrames(FrameSequence):
     rows: dict[int, AnyArray] = field(default_factory=dict)  # objects of all simulated frames
     # The points and fields of the last `kept` simulated frames.
     clouds: OrderedDict[int, tuple[Float32Array, Records]] = field(default_factory=OrderedDict)
-    returns: Callable[..., Any] | None = None  # of the user: points from hits (dataset/returns.py)
+    returns: Callable[..., Any] | None = None  # the user's function of hits (dataset/returns.py)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "clouds": OrderedDict()}

@@ -42,7 +42,7 @@ class FusedFrames(SimulatedFrames):
     """
 
     others: tuple[SimulatedFrames, ...] = field(default=())
-    errors: tuple[PoseError | None, ...] = ()  # of each LiDAR; () for none
+    errors: tuple[PoseError | None, ...] = ()  # error of each LiDAR's pose; () for none
 
     def of(self, numbers: Sequence[int]) -> FusedFrames:
         return replace(
@@ -92,7 +92,7 @@ class FusedFrames(SimulatedFrames):
         out["points"] = np.add.reduceat(every["points"], first)
         mean = np.add.reduceat(every["points"] * late, first) / np.maximum(out["points"], 1)
         out["scan_time_s"] = middle + mean
-        # Motion is linear within a frame: from mid-frame to the scan time that is farthest away.
+        # Positions between mid-frame and the farthest scan time are interpolated linearly.
         order = np.lexsort((-np.abs(late), every["id"]))[first]
         far, most = every[order], late[order]
         share = np.divide(mean, most, out=np.zeros_like(mean), where=most != 0)

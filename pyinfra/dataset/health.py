@@ -25,10 +25,10 @@ HEALTH_FILE = "health.csv"
 HEALTH_PICTURE = "health.png"
 REFERENCE_S = 60.0
 LEAST_FRAMES = 5  # shorter recordings are not compared
-LEAST_POINTS = 1000  # nor are recordings whose frames have fewer points
+LEAST_POINTS = 1000  # recordings with fewer points per frame are not compared
 MOST_POINTS = 30_000  # number of points used per frame, evenly distributed
-SECTORS = 72  # of 5 degrees
-CELL_M, REACH_M, NEAREST_M = 2.0, 40.0, 3.0  # cells of the ground around the sensor
+SECTORS = 72  # number of azimuth sectors, 5 degrees each
+CELL_M, REACH_M, NEAREST_M = 2.0, 40.0, 3.0  # ground grid: cell size, half side, inner radius
 SIDE = round(2 * REACH_M / CELL_M)
 LEAST_CELLS = 25
 FEW, MANY = 0.6, 1.7  # allowed number of points, as a share of the usual number
@@ -72,12 +72,12 @@ class _Features:
     number: int
     points: int
     sectors: IntArray  # (SECTORS,) points by azimuth
-    ranges: FloatArray  # (SECTORS,) of the farther points; NaN without points
+    ranges: FloatArray  # (SECTORS,) distance of far points; NaN without points
     ground: FloatArray  # (SIDE * SIDE,) lowest z in each cell; NaN without points
     lines: IntArray  # (lines,) points by line
     elevations: FloatArray  # (lines,)
     near: float  # share of the points next to the sensor
-    digest: bytes  # of the points
+    digest: bytes  # digest of the points
     end_s: float  # last time of a point
 
 

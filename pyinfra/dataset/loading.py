@@ -94,7 +94,7 @@ def load_scene(
         set = {**(set or {}), "meshes": with_meshes(file, meshes)}
     try:
         return simulation.load_scene(file, preset=preset, seed=seed, set=set, mount=mount)
-    except ConfigError as error:  # the text names options of the binary instead of arguments
+    except ConfigError as error:  # the message names options of infrasim, not arguments
         raise ConfigError(re.sub(r"--(set|mount|preset|seed)\b", r"\1", str(error))) from None
 
 

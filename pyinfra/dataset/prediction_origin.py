@@ -20,7 +20,7 @@ ORIGIN_FILE = "origin.yaml"
 # Keys that identify the frames, and the model.
 OF_FRAMES = ("lidar", "preset", "scene", "seed", "dataset_sha256", "lidar_sha256")
 OF_MODEL = ("model_sha256",)
-MODEL_FRAMES = "model_frames_version"  # of the frames that the model was learnt from
+MODEL_FRAMES = "model_frames_version"  # frames_version of the training frames
 # Model files with these names are identified by the name of their training folder.
 RUN_FILES = ("last", "best", "background")
 # The prices in a lidar.yaml.

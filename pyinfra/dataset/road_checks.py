@@ -19,7 +19,7 @@ TRAFFIC = {  # arbitrary values, because a scene must have traffic
     "speed": {"mean_km_h": 50, "std_km_h": 1},
     "class_shares": {"Car": 1},
 }
-MOST_M = 0.02  # roads.csv is rounded
+MOST_M = 0.02  # tolerance, because the coordinates in roads.csv are rounded
 
 
 def other_roads(lidar_folder: Path) -> str | None:

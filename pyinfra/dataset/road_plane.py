@@ -55,8 +55,8 @@ class RoadPlane:
     height_m: float  # height of the origin above the plane
     residual_m: float  # root mean square distance of the ground from the plane or the crown
     share: float  # weighted share of the ground near the sensor that lies on the plane
-    # The same share of the ground that has motion above it. It is NaN if there is too little of
-    # this ground.
+    # Weighted share of the ground below moving objects that lies on the plane. NaN if there is too
+    # little ground below moving objects.
     moved_share: float
     above: float  # share of the used points that are more than MOVED_M above the ground
     crown: float = 0.0  # slope on both sides of the crown; 0 without a crown

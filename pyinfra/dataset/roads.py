@@ -70,7 +70,7 @@ def roads_of(lines: Sequence[str], file: Path) -> list[Road]:
 def _road(name: str, values: FloatArray, file: Path) -> Road:
     if len(values) < 2:
         raise FormatError(f"{file}: road {name}: expected two or more rows, got {len(values)}")
-    steps = np.diff(values[:, 0])  # shorter at the ends of lanes from a file
+    steps = np.diff(values[:, 0])  # at the ends of lanes from a file, steps are shorter
     if not (steps > 0).all():
         at = int(np.flatnonzero(~(steps > 0))[0])
         raise FormatError(

@@ -293,7 +293,7 @@ def _text(text: str) -> str:
     """Returns a text in quotes if YAML would read another text. `{x_m: 1}` remains a map."""
     try:
         (read,) = yaml.safe_load(f"[{text}]")
-    except (yaml.YAMLError, ValueError):  # ValueError: a comma makes it several values
+    except (yaml.YAMLError, ValueError):  # ValueError: a text with a comma is several values
         return json.dumps(text, ensure_ascii=False)
     is_other = isinstance(read, (str, dict, list)) and read != text
     return json.dumps(text, ensure_ascii=False) if is_other and text[0] not in "{['\"" else text

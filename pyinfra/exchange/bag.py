@@ -80,7 +80,8 @@ class Bag:
     def recording(self) -> Recording:
         contents = self.contents
         stamps, times = np.array(contents.stamps_ns), np.array(contents.times_ns)
-        # Some drivers do not set the stamp, or always write the same. A simulation begins at 0.
+        # Some drivers do not set the stamp, or always write the same stamp. A simulation begins at
+        # stamp 0.
         stamped = bool(stamps.max() > 0 and len(np.unique(stamps)) > len(stamps) / 2)
         clock_ns = stamps if stamped else times
         notes = [] if stamped else ["stamps of clouds are not set: times of the bag are used"]
@@ -145,7 +146,7 @@ class Bag:
         times = self.contents.times_ns
         chosen = [c for c in self._reader.connections if c.topic == self.topic]
         messages = self._reader.messages(chosen, start=times[i])
-        skip = i - times.index(times[i])  # earlier clouds of the same time
+        skip = i - times.index(times[i])  # number of earlier clouds with the same time
         return (raw for _, _, raw in itertools.islice(messages, skip, None))
 
     @cached_property
@@ -196,7 +197,7 @@ class Bag:
         seconds = [clock[order] / 1e9 for clock, order in zip(clocks, orders, strict=True)]
         for stamp, time, boxes in contents.boxes:
             has_stamp = stamp > 0
-            if not has_stamp and not boxes:  # only deletes markers
+            if not has_stamp and not boxes:  # such a message only deletes markers
                 continue
             unstamped += not has_stamp
             now, earlier = (stamp if has_stamp else time) / 1e9, seconds[has_stamp]

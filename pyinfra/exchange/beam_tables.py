@@ -27,7 +27,7 @@ from pyinfra.exchange.json_boxes import number
 
 MOST_BEAMS = 512
 MOST_BYTES = 20_000_000
-MAX_RANGE_M = 200.0  # of the LiDAR file, until the user replaces it
+MAX_RANGE_M = 200.0  # placeholder in the LiDAR file, which the user replaces
 STEP_DEG = 0.2
 PRICE = '{low: 1, high: 1, source: "not known, replace it", date: "2000-01"}'
 

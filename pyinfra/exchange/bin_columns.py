@@ -18,7 +18,7 @@ from pyinfra.exchange.recording import Options
 USUAL = 4
 TRIED = (4, 5, 6, 3)  # possible numbers of columns
 FILES = 30  # maximum number of files whose values are read, evenly distributed
-MOST_FILES = 0.9  # share of the files that must fit; others are cut
+MOST_FILES = 0.9  # minimum share of files whose size fits; the other files are cut off
 VALUES = 60 * 1000  # number of values read per file, a multiple of all numbers in TRIED
 MOST = 1e7  # largest plausible coordinate: 10 km in millimetres
 # Two numbers of columns are distinguished if their shares of explained variance differ by more than
@@ -45,7 +45,7 @@ def columns_of(files: Sequence[Path], options: Options) -> tuple[int, str]:
         return options.columns, note
     sizes = [file.stat().st_size for file in files]
     counts = {n: sum(size % (4 * n) == 0 for size in sizes) for n in TRIED}
-    most = max(counts.values())  # less than all files if some are cut
+    most = max(counts.values())  # fewer than all files if some files are cut off
     fit = [n for n in TRIED if counts[n] == most and most >= MOST_FILES * len(files)]
     if not any(sizes) or fit == [USUAL] or not fit:
         return USUAL, ""

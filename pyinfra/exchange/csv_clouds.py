@@ -16,7 +16,7 @@ from pyinfra.exchange.record_clouds import read_clouds
 from pyinfra.exchange.recording import Options, Recording, records_of
 
 SUFFIXES = (".csv", ".txt", ".xyz", ".asc", ".pts")
-# Names in other programs of x, y, z: VeloView writes `Points_m_XYZ:0`.
+# Names of x, y and z in other programs, for example `Points_m_XYZ:0` in VeloView.
 AXES = {
     axis: (axis, f"{axis}_m", f"{axis}(m)", f"points_m_xyz:{i}", f"points:{i}", f"pos_{axis}")
     for i, axis in enumerate("xyz")

@@ -17,7 +17,7 @@ from pyinfra.exchange.json_boxes import checked_box, number, read_json
 from pyinfra.exchange.recording import Boxes
 
 VISIBILITY = {"NOT_OCCLUDED": 0.9, "PARTIALLY_OCCLUDED": 0.6, "MOSTLY_OCCLUDED": 0.2}
-KEYS = {"name", "type", "cuboid"}  # of an object, which are read or repeat its key
+KEYS = {"name", "type", "cuboid"}  # known keys of an object; `name` repeats the object's key
 
 
 def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:

@@ -67,7 +67,7 @@ SUFFIXES = {
     ".db3": "bag",
     ".pcap": "pcap",
 }
-# Files that can lie beside a recording and are no clouds.
+# Endings of files that can lie beside a recording and are not clouds.
 BESIDE = {".json", ".yaml", ".yml", ".md", ".pkl", ".png", ".jpg", ".jpeg", ".xml", ".html", ".log"}
 
 

@@ -27,7 +27,7 @@ class Format:
     read: str = ""
     # Format that reads an export of this format; empty if there is none.
     back: str = ""
-    # Packages that read or write the format, of the extra if it has one.
+    # Packages that read or write the format. If there is an extra, it installs these packages.
     packages: str = ""
     extra: str = ""  # extra of pyproject.toml that installs the optional packages
     # Whether clouds of the format are level. None means that they are level if they have labels.

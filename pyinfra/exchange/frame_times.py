@@ -15,8 +15,8 @@ from pyinfra.formats.kitti.lidar import PERIOD_S
 STAMP_UNITS_S = (1.0, 1e-3, 1e-6, 1e-9)
 MOST_NUMBER = 999_999
 MOST_UNKNOWN = 0.1  # share of frames whose unknown times are interpolated
-AROUND = 4  # steps within which others make up for a late or early time
-MOST_OFF = 0.05  # share by which a gap in the numbers of names may differ from that of the clock
+AROUND = 4  # a late or early time is compensated within at most this many steps
+MOST_OFF = 0.05  # tolerance between gaps in the numbers of names and in the clock, as a share
 
 
 def seconds_of_stamp(value: float) -> float | None:

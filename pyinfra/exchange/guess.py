@@ -22,7 +22,7 @@ FILES = {
     "pcd": (),
 }
 CLOUDS_OF_TOOLS = {name: FILES[name] for name in ("las", "ply", "csv")}
-# Formats of folders, and the files that show them: the first pattern is used in messages.
+# Formats of folders, and patterns of the files that identify them. Messages show the first pattern.
 PATTERNS: tuple[tuple[str, ...], ...] = (
     ("nuscenes", "sample.json", "*/sample.json"),
     ("kitti", "training/velodyne/*.bin", "training/velodyne/*/*.bin"),
@@ -36,7 +36,7 @@ PATTERNS: tuple[tuple[str, ...], ...] = (
     ("pcd", "points/*.pcd"),
     ("bin", "*.bin"),
 )
-MOST_LISTED = 8  # folders in a message
+MOST_LISTED = 8  # maximum number of folders in a message
 
 
 def guess_format(source: Path) -> tuple[str, str]:
@@ -95,7 +95,7 @@ def formats_of(source: Path) -> Iterator[tuple[str, str]]:
         found = next((s for s in suffixes if any(source.glob(f"*{s}"))), None)
         if found:
             yield name, f"*{found}"
-    for folder in CLOUD_FOLDERS if labels else ():  # as labelCloud and SUSTechPOINTS keep them
+    for folder in CLOUD_FOLDERS if labels else ():  # folders of labelCloud and SUSTechPOINTS
         for name, suffixes in {"pcd": (".pcd",), "bin": (".bin",), **CLOUDS_OF_TOOLS}.items():
             found = next((s for s in suffixes if any((source / folder).glob(f"*{s}"))), None)
             if labels and found and folder not in ("", "points"):

@@ -24,7 +24,7 @@ class ImportSummary:
     left_out: list[str] = field(default_factory=list)  # objects that could not be read, and why
     bad: list[str] = field(default_factory=list)  # frames that could not be read, and why
     assumed: tuple[str, ...] = ()
-    not_read: list[str] = field(default_factory=list)  # parts of the recording
+    not_read: list[str] = field(default_factory=list)  # parts of the recording that are not read
     unread_keys: set[str] = field(default_factory=set)  # keys of labels
     types: Counter[str] = field(default_factory=Counter)
     tracked: int = 0  # number of labels whose track is known

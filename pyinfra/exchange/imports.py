@@ -34,7 +34,7 @@ from pyinfra.formats.kitti.lidar import PERIOD_S
 # How points are levelled. `road` estimates the road and levels the points to it, and `as-is` leaves
 # the points unchanged.
 Upright = Literal["auto", "road", "as-is"]
-SAMPLE = Path(__file__).with_name("sample")  # `python -m reproduction sample` writes its clouds
+SAMPLE = Path(__file__).with_name("sample")  # clouds written by `reproduction sample`
 NAME = "lidar"  # name of the LiDAR of a data set whose folder is given without a LiDAR
 
 

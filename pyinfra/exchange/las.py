@@ -13,11 +13,11 @@ from pyinfra.exchange.recording import Options, Recording, records_of
 
 FIELDS = ("intensity", "gps_time", "ring", "line", "reflectivity", "timestamp", "scan_channel")
 MOST_POINTS = 200_000_000
-LEAST_POINT_BYTES = 20  # of a record of LAS; LAZ compresses by a factor of up to 20
+LEAST_POINT_BYTES = 20  # minimum size of a point in LAS; LAZ compresses it by up to RATIO
 RATIO = 20
-HEAD_BYTES, OLD_HEAD_BYTES = 375, 227  # of versions 1.4 and 1.2
+HEAD_BYTES, OLD_HEAD_BYTES = 375, 227  # header sizes of versions 1.4 and 1.2
 COMPRESSED = 0x80  # bit of the point format in the header of LAZ
-RECORD_BYTES, EXTENDED_BYTES = 54, 60  # heads of variable length records
+RECORD_BYTES, EXTENDED_BYTES = 54, 60  # header sizes of variable length records
 
 
 def read(source: Path, options: Options) -> Recording:
@@ -33,7 +33,8 @@ def read_las(file: Path) -> Records:
     """
     _check_counts(file)
     try:
-        # The parallel decompressor allocates what a damaged table states, and ends the process.
+        # With a damaged file, the parallel decompressor allocates too much memory, and the process
+        # ends.
         with laspy.open(file, laz_backend=laspy.LazBackend.Lazrs) as stream:
             count = stream.header.point_count
             most = min(MOST_POINTS, RATIO * file.stat().st_size // LEAST_POINT_BYTES)

@@ -12,7 +12,7 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray
 
-UNITS = {0: 1.0, 3: 1e-3, 6: 1e-6, 9: 1e-9}  # by the digits of the longest fraction
+UNITS = {0: 1.0, 3: 1e-3, 6: 1e-6, 9: 1e-9}  # unit by number of digits of the longest fraction
 EARLIEST_S, LATEST_S = 1e8, 1e11  # plausible seconds since 1970
 REGULAR = (0.5, 1.5)  # range of regular steps, relative to the median step
 

@@ -40,7 +40,7 @@ UNITS = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nano
 DURATION_S = (0.003, 3.0)
 LEAST_MAP_M = 1e5  # UTM coordinates are larger than this
 MOST_ROUNDING_S = 1e-3  # largest rounding of times of points
-# Fields that only clouds of `pyinfra export` have together; their time is in seconds.
+# A cloud with all of these fields was written by `pyinfra export`. Its times are in seconds.
 EXPORTED = {"time", "ring", "object_id", "class", "echo"}
 
 
@@ -58,7 +58,7 @@ class PointTimes:
         """Returns the time (n,) of each point since the start of the frame; 0 if it is invalid."""
         values = records[self.field]
         valid = np.isfinite(values)
-        if self.is_absolute:  # then 0 means a ray without a return
+        if self.is_absolute:  # the absolute time 0 means a ray without a return
             valid &= values > 0
         out = np.zeros(len(values))
         if valid.any():

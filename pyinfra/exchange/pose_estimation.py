@@ -139,7 +139,7 @@ def check_region(file: Path, region: Region, recording: Recording, estimate: Sur
     for i in chosen:
         try:
             xyz = recording.read(i).points[:, :3].astype(np.float64) @ tilt.T
-        except FormatError:  # the import reports it
+        except FormatError:  # the import reports frames that cannot be read
             continue
         xyz = xyz[np.isfinite(xyz).all(axis=1)]
         if region.holds(xyz, 0.0).any():

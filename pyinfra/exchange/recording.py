@@ -86,7 +86,7 @@ class Recording:
         """
         if not all(re.fullmatch("0*[0-9]{1,6}", name) for name in self.names):
             return True
-        return len({int(name) for name in self.names}) < len(self.names)  # as for 1 and 01
+        return len({int(name) for name in self.names}) < len(self.names)  # for example 1 and 01
 
     def numbers(self) -> tuple[int, ...]:
         """Returns the frame numbers: `slots`, else the names as numbers, else 0, 1, 2, ..."""
@@ -172,7 +172,7 @@ def as_points(
             location = f"{file}: point {bad[0]}: {name}"
             raise FormatError(f"{location}: expected {-most:g} to {most:g}, got {column[bad[0]]:g}")
     points = np.stack([column.astype(np.float32) for column in columns], axis=1)
-    points[:, 3] = np.clip(points[:, 3] / highest, 0, 1)  # a few may be brighter
+    points[:, 3] = np.clip(points[:, 3] / highest, 0, 1)  # a few intensities may exceed `highest`
     if options.unit_m != 1:
         points[:, :3] *= options.unit_m
     return points

@@ -24,7 +24,7 @@ from pyinfra.formats.kitti import Labels
 CLASSES = ("Vehicle", "Pedestrian", "Cyclist")
 SENSOR_FILE = "sensor.yaml"
 PARTS = ("train", "val")
-TRAIN_SHARE = 0.8  # share of the first frames that are train if there are no ImageSets
+TRAIN_SHARE = 0.8  # without ImageSets, the first frames up to this share are `train`
 
 
 @dataclass(frozen=True, eq=False)

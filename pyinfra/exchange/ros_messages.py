@@ -110,7 +110,7 @@ def livox_records(location: str, raw: bytes, *, is_ros2: bool) -> Records:
         (length,) = struct.unpack_from("<I", raw, 12)
         at = 16 + length
         if is_ros2:
-            at += -(at - 4) % 8  # the timebase is aligned from the encapsulation
+            at += -(at - 4) % 8  # alignment of the timebase counts from byte 4
         at += 8 + 4 + 4  # timebase, point_num, lidar_id and rsvd
         (count,) = struct.unpack_from("<I", raw, at)
     except struct.error:
@@ -209,7 +209,7 @@ def boxes_of(
     for i, (frame_id, name, track, pose, size) in enumerate(entries):
         p, q = pose.position, pose.orientation
         turn = np.array([q.x, q.y, q.z, q.w], dtype=np.float64)
-        if not turn.any():  # unset by some writers
+        if not turn.any():  # some programs do not set the orientation
             turn[3] = 1.0
         T = to_cloud[frame_id]
         centre = T.turn @ np.array([p.x, p.y, p.z], dtype=np.float64) + T.shift
@@ -249,7 +249,7 @@ def _detections(message: Any) -> Iterator[Entry]:
     for detection in message.detections:
         best, most = "", -1.0
         for result in detection.results:
-            inner = getattr(result, "hypothesis", result)  # nested since vision_msgs 4
+            inner = getattr(result, "hypothesis", result)  # a field of `result` since vision_msgs 4
             score = float(getattr(inner, "score", 0.0))
             if score > most:
                 best, most = str(getattr(inner, "class_id", getattr(inner, "id", ""))), score

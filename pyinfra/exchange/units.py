@@ -10,7 +10,7 @@ from pyinfra.core.errors import Error
 from pyinfra.exchange.recording import Options
 
 INTENSITIES_MAX = (1.0, 255.0, 4095.0, 65535.0)
-BRIGHT_SHARE = 0.999  # a few intensities may be higher than the scale of the others
+BRIGHT_SHARE = 0.999  # quantile of the intensities that decides their scale
 FARTHEST_MEDIAN_M = 400.0  # largest plausible median range of a roadside sensor, metres
 NEAREST_MEDIAN_MM = 2000.0
 

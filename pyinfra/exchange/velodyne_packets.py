@@ -25,8 +25,8 @@ from pyinfra.exchange.recording import (
     sorted_files,
 )
 
-SAMPLED = 300  # first packets whose maker is determined
-# Beginnings of the packets of other makers, and the program that writes a bag.
+SAMPLED = 300  # number of first packets from which the maker is determined
+# First bytes of the packets of other makers, the maker, and a program that converts them to a bag.
 OTHERS = (
     (b"\xee\xff", "Hesai", "HesaiLidar_ROS_2.0 (`source_type: 2`)"),
     (b"\x55\xaa\x05\x0a", "RoboSense", "rslidar_sdk (`msg_source: 3`)"),

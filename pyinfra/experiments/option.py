@@ -46,7 +46,7 @@ class Option:
     covered_m: Interval  # covered road; the interval is unknown if `no_interval` gives a reason
     road_m: float  # road that was evaluated within the required range; NaN if unknown
     latency_ms: float  # median time per frame on one core; NaN if it was not measured
-    latency_low_ms: float  # low end of its interval; NaN in tables of earlier versions
+    latency_low_ms: float  # low end of the interval; NaN in tables of earlier versions
     latency_p95_ms: float
     machine: str  # computer on which the latency was measured; empty if unknown
     other_cores: float  # cores that other processes used during that measurement; NaN if unknown
@@ -64,7 +64,7 @@ class Option:
     mounts: int = 1  # number of LiDARs whose frames are fused
     off_region_per_min: float = math.nan  # boxes outside the region, score 0.5 or more
     hardly_learnt: bool = False  # whether the detector is a network trained in the smoke tier
-    # AP of this option minus that of another one, by name, in replicates (benchmark/until.py)
+    # AP of this option minus that of another option, by the other's name (benchmark/until.py)
     replicated: Mapping[str, Interval] = field(default_factory=dict)
     other_frames: str = ""  # remark if the detector learnt from frames of a different version
 

@@ -41,7 +41,7 @@ class Answer:
     named: Sequence[Option]
     relax: Sequence[str]  # for each option, which requirements to change; empty if it meets all
     remarks: Sequence[str]
-    caveat: str  # on the pretrained detector and different LiDARs; empty if it ranks none
+    caveat: str  # caveat about ranking LiDARs by the pretrained detector; empty if not needed
 
 
 def recommend(options: Sequence[Option], requirements: Requirements) -> Answer:

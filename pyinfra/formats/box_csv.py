@@ -18,7 +18,7 @@ from pyinfra.core.arrays import FloatArray, IntArray, NameArray
 from pyinfra.core.errors import FormatError
 from pyinfra.formats.text_table import MOST_RADIANS, lines_of
 
-# Names of columns for each key, in lower case without other signs than letters and digits.
+# Column names of each key, in lower case and without signs other than letters and digits.
 NAMES: dict[str, tuple[str, ...]] = {
     "frame": ("frame", "frameid", "framenumber", "frameindex", "frameidx", "frameno"),
     "class": (
@@ -37,9 +37,9 @@ NAMES: dict[str, tuple[str, ...]] = {
     "score": ("score", "confidence", "conf", "probability", "prob"),
     "id": ("id", "trackid", "objectid", "objid", "instanceid"),
 }
-NUMBERS = ("x", "y", "z", "length", "width", "height", "yaw")  # of a box, in this order
+NUMBERS = ("x", "y", "z", "length", "width", "height", "yaw")  # keys of a box, in this order
 SIZES = ("length", "width", "height")
-ALTERNATIVES = {"z": "z_bottom", "yaw": "yaw_deg"}  # keys that can replace another one
+ALTERNATIVES = {"z": "z_bottom", "yaw": "yaw_deg"}  # keys that can replace z and yaw
 FARTHEST_M, MOST_M = 1e4, 1000.0
 
 

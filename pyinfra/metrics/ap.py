@@ -21,7 +21,7 @@ from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 
 RECALLS, R1000_RECALLS = 40, 1000
 KITTI_SAMPLES = 41  # recalls that the devkit samples: 0, 1/40 .. 40/40
-MOST_POINTS = 2000  # operating points of weighted AP
+MOST_POINTS = 2000  # maximum number of operating points of the weighted AP
 _CHUNK = 4_000_000  # maximum number of operating points times replicates in one chunk
 
 

@@ -65,7 +65,7 @@ class Trust:
     score: float
     frames: int
     faulty_frames: int  # frames with a fault of the sensor
-    boxes_per_frame: float  # in frames without a fault
+    boxes_per_frame: float  # mean number of boxes in frames without a fault
     confirmed_share: float  # share of boxes that are confirmed
     recall: float  # share of travelling clusters that are found
     travelling_per_frame: float  # travelling clusters per frame without a fault
@@ -94,7 +94,7 @@ def trust(
     boxes of clusters of moving points in the region. faulty: numbers of frames with a fault.
     """
     numbers = np.setdiff1d(frames, list(faulty))
-    share = len(numbers) / max(len(frames), 1)  # of frames without a fault
+    share = len(numbers) / max(len(frames), 1)  # share of frames without a fault
     kept = np.isin(detections.frame, numbers)
     detections, moving = detections.select(kept), moving[kept]
     off_region = None if off_region is None else off_region[kept]

@@ -24,7 +24,7 @@ MEASURES = {
     "recall_percent": "recall",
 }  # name of a measure in the result: name in replicates.csv
 MEASURED_BY = ("class", "metric", "iou")  # columns of a row that define its AP
-# Columns that define it too, which rows of earlier versions lack.
+# Further columns that define the AP of a row. Rows of earlier versions lack these columns.
 SETTINGS = ("types", "min_points", "min_score")
 # Columns of replicates.csv in each version.
 REQUIRED = (

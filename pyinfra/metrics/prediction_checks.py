@@ -25,7 +25,7 @@ from pyinfra.dataset.prediction_origin import (
 )
 from pyinfra.metrics.matching import pairs_of_frames
 
-OTHER_FRAMES = "other-frames"  # the finding of a model from frames of a different frames_version
+OTHER_FRAMES = "other-frames"  # finding: the model learnt from frames of another frames_version
 NEAR_M = 2.0  # largest horizontal distance of a near prediction from the centre of a vehicle
 FAR_M = 20.0  # largest common displacement of all boxes in x or y that is recognised
 LEAST_NEAR = 0.3  # below this share of near predictions, common errors of position are tested
@@ -42,7 +42,7 @@ CHANGES = {  # matrices for x and y that correct boxes with wrong axes
     "turned-quarter-left": [[0, -1], [1, 0]],
     "turned-quarter-right": [[0, 1], [-1, 0]],
 }
-FEW_PREDICTED = 0.5  # a warning says if a larger share of the frames has no prediction
+FEW_PREDICTED = 0.5  # a larger share of frames without predictions causes a warning
 FRAMES = 300  # every n-th frame is checked, where n is the number of frames // FRAMES
 
 

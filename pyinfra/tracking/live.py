@@ -29,8 +29,8 @@ WAITING = 2  # maximum number of lines that were read but not yet processed
 CLOUDS = (".bin", ".pcd")
 FRAMES = 1e11  # with a period, smaller whole numbers in names of files are frames
 SINCE_1970_S = (5e8, 5e9)  # times of the years 1985 to 2128
-UNORDERED = 10  # after so many late frames in a row, the clock has jumped back
-_UNITS = (1, 1e3, 1e6, 1e9)  # of times in names: s, ms, us and ns
+UNORDERED = 10  # after this many late frames in a row, the clock is taken to have jumped back
+_UNITS = (1, 1e3, 1e6, 1e9)  # units of times in names: s, ms, us and ns
 _SHOWN = [
     "id",
     "type",
@@ -49,7 +49,7 @@ class Arrival:
     """A frame that has arrived: its content, when, and how many frames before it were dropped."""
 
     item: Any
-    arrived_s: float  # of time.time()
+    arrived_s: float  # time of arrival, from time.time()
     dropped: int
 
 
@@ -86,7 +86,7 @@ def new_clouds(folder: Path, *, idle_s: float = np.inf) -> Iterator[Arrival]:
         known |= set(ready)
         file = folder / ready[-1]
         yield Arrival(file, file.stat().st_mtime, dropped)
-        since = time.monotonic()  # the time that the reader of the file takes is not idle
+        since = time.monotonic()  # excludes the time in which the caller processed the file
 
 
 def _clouds(folder: Path) -> set[str]:
@@ -136,7 +136,7 @@ def new_lines(stream: Iterable[str], *, drop: bool = True) -> Iterator[Arrival]:
                     waiting.append((line, time.time()))
                     state["read"] += 1
                     ready.notify()
-        except Exception as error:  # the reader of the lines raises it
+        except Exception as error:  # raised again below, after the lines that were read
             failed.append(error)
         with ready:
             state["open"] = 0

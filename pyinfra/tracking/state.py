@@ -69,7 +69,7 @@ class Tracks(Rows):
     state: FloatArray  # (n, 6) x y vx vy ax ay
     covariance: FloatArray  # (n, 6, 6)
     noise: FloatArray  # (n, 2, 2) covariance of the acceleration since the frame before
-    z: FloatArray  # (n,) of the centre
+    z: FloatArray  # (n,) z of the centre
     size: FloatArray  # (n, 3) dx dy dz
     heading: FloatArray  # (n,)
     ahead: FloatArray  # (n,) votes for the heading minus votes for its opposite
@@ -78,7 +78,7 @@ class Tracks(Rows):
     confirmed: BoolArray  # (n,)
     last_s: FloatArray  # (n,) time of the last box
     frames_seen: IntArray  # (n,) frames with a box
-    frames_missed: IntArray  # (n,) frames without
+    frames_missed: IntArray  # (n,) frames without a box
     seen: BoolArray  # (n,) whether the last frame has a box
     hidden: BoolArray  # (n,) whether another object hides it in the last frame
 

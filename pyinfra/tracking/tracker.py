@@ -37,9 +37,9 @@ OUTSIDE_S = 0.5  # replaces missed_s and hidden_s outside the region where vehic
 OTHER_KIND = 6.0
 MISSED = 0.5  # decrease of the log odds of a track in view in a frame without a box
 HEADING_SHARE = 0.2  # weight of a new box in the filtered heading
-SIZE_FRAMES = 30  # a size is a mean over about so many boxes
-STEPS = 15  # the usual time between frames is the median of so many
-SKIPPED = 1.5  # frames are missing in a longer step, as a multiple of the usual one
+SIZE_FRAMES = 30  # the size of a track is a mean over about this many boxes
+STEPS = 15  # the usual time between frames is the median of this many steps
+SKIPPED = 1.5  # frames are missing in a step that is longer than this multiple of the usual one
 
 
 @dataclass(frozen=True)

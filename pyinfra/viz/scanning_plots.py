@@ -41,7 +41,7 @@ def save(figure: Figure, stem: Path) -> None:
     with mpl.rc_context(STYLE):
         with replacing(Path(f"{stem}.svg")) as beside:
             figure.savefig(beside, format="svg", metadata={"Date": None})
-        figure.set_layout_engine("none")  # that of the SVG stays
+        figure.set_layout_engine("none")  # keeps the layout of the SVG
         with replacing(Path(f"{stem}.png")) as beside:
             figure.savefig(beside, format="png", dpi=150)
 
@@ -74,7 +74,7 @@ def points_per_vehicle(table: pd.DataFrame) -> Figure:
 def quality(table: pd.DataFrame) -> Figure:
     """Draws stacked shares of missed, low, medium and high vehicles by distance, set `common`."""
     table = table[(table["set"] == "common") & (table.quality != "hit")]
-    first_m, last_m = table.from_m.min(), table.to_m.max()  # of the row over all distances
+    first_m, last_m = table.from_m.min(), table.to_m.max()  # limits of the row over all distances
     table = table[~((table.from_m == first_m) & (table.to_m == last_m))]
     figure, axes = _panels(table.lidar.unique(), _data_sets(table).unique(), size=(3, 2.4))
     greys = sns.color_palette("cividis_r", len(QUALITIES))

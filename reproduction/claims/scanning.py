@@ -49,7 +49,7 @@ class Row:
     value: float
     low: float
     high: float
-    rule: Callable[[float, float], str]  # the verdict of an interval's ends
+    rule: Callable[[float, float], str]  # maps the ends of an interval to a verdict
 
     @property
     def verdict(self) -> str:

@@ -25,7 +25,7 @@ from pyinfra.metrics.comparison import Bootstrapped
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 SCENES = ("highway", "curve", "crossroad")
 SPANS_S = (90, 250, 500)

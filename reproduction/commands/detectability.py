@@ -44,7 +44,7 @@ from reproduction.detectability.runs import (
     store,
 )
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 REPLICATES = 40  # fits on resampled sites, for intervals
 FEW_SITES = 40  # with fewer sites the fit is marked as a pilot

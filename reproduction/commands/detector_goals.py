@@ -38,7 +38,7 @@ from reproduction.arguments import Out, Work, command
 from reproduction.commands import frozen_sites
 from reproduction.commands.unseen import CLASSES, CUT, REPLICATES, Boxes, scored_boxes
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 FRAMES = 3  # frames per LiDAR
 VEHICLES, ANYWHERE, QUEUES = "vehicle", "vehicle, no region", "vehicle in a queue"

@@ -31,7 +31,7 @@ from reproduction import provenance
 from reproduction.arguments import Out, Work, command
 from reproduction.simulate import simulate
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 FRAMES = "0:1450:47"  # 31 frames; the first one is not timed
 SCENES = ("highway", "crossroad", "curve")
@@ -119,7 +119,7 @@ def rows_of(folder: Path) -> Iterator[dict[str, object]]:
         for clock in clocks.values():
             clock.times[READ].append(read_ms)
     for key, clock in clocks.items():
-        with one_thread():  # of PyTorch
+        with one_thread():  # limits PyTorch to one thread
             for points in clouds:
                 clock.frame(detectors[key], points)
     for (engine, threads), clock in clocks.items():

@@ -32,7 +32,7 @@ from pyinfra.exchange.recording import Options
 from reproduction import ROOT, provenance
 from reproduction.arguments import Out, command
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 READ = [name for name in IMPORTS if name in ("kitti", *EXPORTS)]  # formats with files to import

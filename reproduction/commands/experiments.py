@@ -41,14 +41,14 @@ from reproduction.measures import rows_of_test
 from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 # The steps 11 and 47 share no factor with 200, the number of frames after which the Avia's pattern
 # repeats.
 TRAIN_FRAMES, TEST_FRAMES = "0:5000:11", "0:5000:47"
 TRAIN_SEEDS_FROM = 1000
 TESTS = 2  # number of test seeds of a replicate
-LAW_EXPONENTS = (0.25, 0.5)  # both ends of the law of range; the first is the catalogue's
+LAW_EXPONENTS = (0.25, 0.5)  # smallest and largest exponent; the catalogue has the smallest
 SPINNING = ("ruby_plus", "pandar_64", "helios_16")
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 BUNDLES = {"crossroad": "bundle_5_livox_avia"}  # the LiDAR that replaces the single Avia in a scene

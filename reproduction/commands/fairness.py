@@ -23,7 +23,7 @@ from reproduction import provenance
 from reproduction.arguments import Out, Work, command
 from reproduction.commands import generalist
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 # Four LiDARs that the training used, then a narrow and a wide LiDAR that it did not.
 LIDARS = (

@@ -24,12 +24,12 @@ import pyinfra as pi
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 FRAMES = 150  # simulated frames, which repeat
 KEPT = 20  # clouds in the folder
 INTERVAL_MIN = 10.0
-LONGEST_START_S = 120.0  # until the first line
+LONGEST_START_S = 120.0  # maximum time until the first line
 
 
 @command

@@ -51,7 +51,7 @@ from reproduction.arguments import Out, Work, command
 from reproduction.commands.frozen_sites import HELD_OUT
 from reproduction.simulate import simulate
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 RECIPES = ROOT / "configs/detectors"
 SCENES = ("highway", "crossroad", "curve")

@@ -45,14 +45,14 @@ from reproduction.simulate import simulate
 from reproduction.tables.gpu import AP_STEPS, DETECTORS
 
 Part = Literal["batches", "rates", "latency", "ap", "settings"]
-ON_POINTS = ("pv-rcnn", "pointrcnn")  # these search points with the Triton kernels
-WITH_LAYERS = ("dsvt", *ON_POINTS)  # these have layers in Triton
+ON_POINTS = ("pv-rcnn", "pointrcnn")  # detectors that search points with the Triton kernels
+WITH_LAYERS = ("dsvt", *ON_POINTS)  # detectors with layers in Triton
 WORKERS = (0, 1, 2, 4, 8)
 SCENE, LIDAR, PRESET, SEED = "highway", "ruby_plus", "paper", 1
 FRAMES = "0:5000:30"  # frames of the traffic seed SEED; those before 400 s are used
-HELD_OUT = 20  # last frames, which the AP is measured on
+HELD_OUT = 20  # number of last frames, on which the AP is measured
 WARM_UP, PROFILED = 6, 5  # steps before the measurement, and steps whose kernels are timed
-LONGEST = 8  # kernels that are printed
+LONGEST = 8  # number of printed kernels
 KEY = ["device", "detector", "tier", "setting", "measure"]
 
 # The precision and the changed fields of the pace, by the name of the setting.
@@ -64,14 +64,14 @@ RATES: Rates = {
     "bfloat16": ("bfloat16", {"tf32": True}),
     "float32": ("float32", {"tf32": False}),
 }
-# Other settings than the default, of which a GPU may be faster with some.
+# Settings other than the default, with which a GPU may be faster.
 SETTINGS: Rates = {
     "tuned": ("float32", {"tf32": True, "tuned": True}),
     "bfloat16 tuned": ("bfloat16", {"tf32": True, "tuned": True}),
     "compiled": ("float32", {"tf32": True, "tuned": True, "compiled": True}),
     "bfloat16 compiled": ("bfloat16", {"tf32": True, "tuned": True, "compiled": True}),
 }
-# What one process measures, and its longest time in seconds.
+# Detector and parts that one process measures, and the time limit of the process in seconds.
 TASKS: tuple[tuple[str, tuple[Part, ...], float], ...] = (
     ("centerpoint-pillar", ("batches",), 60),
     *((detector, ("rates", "latency", "ap"), 110) for detector in DETECTORS),
@@ -87,7 +87,7 @@ class Bench:
     device: torch.device
     folder: Path  # frames of the LiDAR
     out: Path
-    seconds: float  # of one measurement of steps
+    seconds: float  # duration of one measurement of steps
 
     @property
     def tier(self) -> Tier:
@@ -131,7 +131,7 @@ def batches(bench: Bench) -> None:
         made = loop.batches_of(frames, recipe, network, SEED, 0, pace, torch.device("cpu"))
         with closing(made):
             for _ in range(16 + 4 * workers):
-                next(made)  # those that were made in advance do not count
+                next(made)  # batches made in advance are not timed
             count, started = 0, time.perf_counter()
             while (spent := time.perf_counter() - started) < bench.seconds / 2:
                 next(made)
@@ -371,7 +371,7 @@ def main(
         bench = Bench(detectors[0], chosen_device, folder, out, 6.0)
         measure(bench, tuple(parts))
         return 0
-    limited = chosen_device.type == "cuda"  # a CPU needs more time, and is not lent
+    limited = chosen_device.type == "cuda"  # only time on a GPU is limited
     for detector, parts_of_task, longest in TASKS:
         chosen = [part for part in parts_of_task if part in parts]
         left = seconds - (time.monotonic() - started)

@@ -29,7 +29,7 @@ from reproduction.measures import rows_of_test
 from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 SCENE, PRESET = "highway", "datasheet"
 LIDARS = ("livox_avia", "helios_16", "ruby_plus")

@@ -27,7 +27,7 @@ from reproduction.commands.experiments import (
     simulated,
 )
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 LIDARS = ("ruby_plus", "livox_avia")
 REPLICATE = Replicate("highway", "paper", "scan", 1)

@@ -21,15 +21,15 @@ from pyinfra.dataset.lidars import LidarSheet, read_catalogue
 from pyinfra.dataset.object_rows import BOX
 from reproduction.arguments import command
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 LIDARS = ("livox_avia", "ruby_plus")
 SECONDS, STEPS = 3.0, 2  # STEPS pictures per frame
-SIZE = (460, 380)  # of each half, pixels
+SIZE = (460, 380)  # size of each half, pixels
 DRAWN = 2  # pixels are computed at this multiple and averaged
 BACK_M, UP_M, AHEAD_M = 30.0, 26.0, 26.0  # camera behind and above the sensor, and its target
 FIELD_OF_VIEW_DEG = 50.0
-FADE_S = 0.25  # a point is lit for so long
+FADE_S = 0.25  # duration for which a point is lit
 GROUND = np.array([11, 15, 20])
 RAMP = np.array([[120, 140, 170], [90, 200, 250], [120, 235, 160], [250, 240, 140]])
 RAMP_M = 4.0  # height above the road of the last colour

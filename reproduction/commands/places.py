@@ -28,7 +28,7 @@ from reproduction import ROOT, provenance
 from reproduction.arguments import Out, Work, command
 from reproduction.simulate import simulate
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 SEEDS = (1, 2, 3)
 FRAMES = "0:5000:47"

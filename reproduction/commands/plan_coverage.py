@@ -34,13 +34,13 @@ from reproduction import provenance
 from reproduction.arguments import Out, Work, command
 from reproduction.detectability.runs import FIRST_CHECK_SITE, scene_file_of
 
-VERSION = 2  # of the results of this file; raise it with a change that alters them
-FIRST_SITE = FIRST_CHECK_SITE + 100  # the check of the detectability ends before it
+VERSION = 2  # version of the results; increase it if a change alters the results
+FIRST_SITE = FIRST_CHECK_SITE + 100  # the check of the detectability only uses smaller seeds
 CALIBRATION_SITES = 10
 LIDARS = ("helios_16", "pandar_64", "livox_avia", "ruby_plus", "hesai_xt32", "livox_horizon")
 GRID = PoseGrid(every_m=30.0, heights_m=(5.0,), pitches_deg=(0.0, 10.0))
 BUDGET_USD, WITHIN_M, PEOPLE = 60_000.0, 60.0, 1.0
-FIRST_SEED = 100  # of the further traffic, after the seeds of the plan
+FIRST_SEED = 100  # first seed of the further traffic, larger than the seeds of the plan
 KEY = ["site", "option", "figure", "source"]
 
 

@@ -41,11 +41,11 @@ from reproduction.arguments import Out, Work, command
 from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 SCENE = "crossroad_poles"
 LIDARS = ("helios_16", "livox_avia", "ruby_plus", "pandar_64")
-AGAIN = "-again"  # trained on the test frames with errors; Background needs no labels
+AGAIN = "-again"  # Background learns from the test frames with errors, as it needs no labels
 DETECTORS = ("background", "centerpoint-pillar", f"background{AGAIN}")
 MOUNTS = {1: ("west",), 2: ("west", "east"), 4: ("west", "east", "south", "north")}
 TRAINING_FRAMES, TEST_FRAMES = "0:4000:10", "5000:10000:50"

@@ -25,7 +25,7 @@ from pyinfra.experiments.pool import Backend, Pool
 from reproduction import ROOT, engine
 from reproduction.steps import STEPS, TOYS
 
-NAMED = 5  # most changed files that a message names
+NAMED = 5  # maximum number of changed files in a message
 
 
 def main() -> int:

@@ -22,7 +22,7 @@ from pyinfra.dataset import simulation
 from reproduction import ROOT, provenance
 from reproduction.arguments import Out, command
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 FOUR = ("livox_avia", "helios_16", "pandar_64", "ruby_plus")
 BY_CHANNEL = ("hesai_xt32", "hesai_ot128")

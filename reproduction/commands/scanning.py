@@ -24,7 +24,7 @@ from reproduction.arguments import Out, Work, command
 from reproduction.claims.scanning import AVIA, SPINNING, Row, claims_of, columns_of, never
 from reproduction.simulate import simulate
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 FRAMES = "0:5000:7"
 REGION_HALF_LENGTH_M = 125  # the claims reach to 120 m

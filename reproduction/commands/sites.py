@@ -22,7 +22,7 @@ from pyinfra.scenes.maps.sumo import sumo_folder
 from reproduction import ROOT, provenance
 from reproduction.arguments import Out, Work, command
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 TOWNS = ("Town04", "Town05", "Town10HD")
 LIDARS = ("ruby_plus", "livox_avia")

@@ -45,8 +45,8 @@ from reproduction.tables.common import frames_of_results, with_frames
 
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 BLOCK = re.compile(r"(<!-- (table|text) (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
-PICTURES = ROOT / "docs/pictures/results"  # of the figures
-LINE = 200  # characters of a line of a page
+PICTURES = ROOT / "docs/pictures/results"  # folder of the figures
+LINE = 200  # maximum length of a line of a page
 
 TABLES: dict[str, Callable[[], str]] = {
     "three findings": front_page.findings,
@@ -129,7 +129,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "CPU rates of training": gpu.rates_of_cpu,
     "claims about detectors": verdicts.claims_of_detectors,
 }
-FRAMES: dict[str, Callable[[], str]] = {  # without the sentence on frames
+FRAMES: dict[str, Callable[[], str]] = {  # tables without a sentence about the version of frames
     "frames of the results": frames_of_results,
     "steps": steps.steps,
     "other files": steps.others,

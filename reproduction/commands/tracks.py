@@ -32,16 +32,16 @@ from pyinfra.tracking.tracks import boxes_of, view_of
 from reproduction import ROOT, provenance
 from reproduction.arguments import Out, Work, command
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 SCENES = ("highway", "crossroad", "curve")
 LIDARS = ("ruby_plus", "pandar_64", "helios_16", "livox_avia")
 FRAMES = 600
-TIMED = 8  # frames of which the detector's time is measured
+TIMED = 8  # number of frames in which the detector is timed
 WITHIN_M = 80.0
 POLES, POLES_LIDAR = "crossroad_poles", "pandar_64"
 LASTING = 5  # true boxes of vehicles that exist in fewer frames are left out
-OBJECTS = 100  # objects of the measured time per frame
+OBJECTS = 100  # number of objects per frame when the time is measured
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,7 +42,7 @@ from reproduction import provenance
 from reproduction.arguments import Out, command
 from reproduction.commands import frozen_sites
 
-VERSION = 1  # of the results of this file; raise it with a change that alters them
+VERSION = 1  # version of the results; increase it if a change alters the results
 
 FINE = 1000  # number of recall levels of the AP
 REPLICATES = 1000
@@ -58,7 +58,7 @@ Measure = tuple[str, matching.Metric, float]
 OF_VEHICLES: list[Measure] = [("BEV IoU 0.5", "bev", 0.5)]
 OF_PEOPLE: list[Measure] = [("BEV IoU 0.25", "bev", 0.25), ("centre 0.5 m", "centre", 0.5)]
 AS_KNOWN = "as known"
-RANDOM = np.random.default_rng(0)  # the pose errors use no random numbers
+RANDOM = np.random.default_rng(0)  # required argument; the pose errors use no random numbers
 Fault = Callable[[Points], Points]
 CONDITIONS: dict[str, Fault] = {
     AS_KNOWN: lambda points: points,

@@ -44,7 +44,7 @@ from reproduction.commands.experiments import TEXT, at_own_cut_angle
 from reproduction.frames_number import number_of
 from reproduction.tables.common import results
 
-VERSION = 2  # of the results of this file; raise it with a change that alters them
+VERSION = 2  # version of the results; increase it if a change alters the results
 
 TESTS_AFTER = (3, 5, 10)  # numbers of replicates after which a claim is tested
 LEVEL = 1 - 0.05 / len(TESTS_AFTER)  # confidence level of each test
@@ -55,8 +55,8 @@ SPINNING = [WIDE, MIDDLE, "helios_16"]
 PAIR = ("avia", WIDE)
 MEASURES = ["ap_r1000", "ap_r1000_near", "ap_r1000_far", "p_hqda"]
 GROUP = ["scene", "preset", "judge", "detector", "label_time", "law_exponent", "subset"]
-OF_DETECTORS = [name if name != "detector" else "lidar" for name in GROUP]  # group of one LiDAR
-NETWORKS = ("pointpillars", "pv-rcnn", "dsvt")  # the study's, without PointRCNN
+OF_DETECTORS = [name if name != "detector" else "lidar" for name in GROUP]  # GROUP for one LiDAR
+NETWORKS = ("pointpillars", "pv-rcnn", "dsvt")  # networks of the study without PointRCNN
 
 Values = Callable[[pd.DataFrame], pd.Series]
 
@@ -66,7 +66,7 @@ class Claim:
     """A claim: its value in each replicate, and the range in which it holds."""
 
     name: str
-    values: Values  # from measures by replicate and name to the value of each replicate
+    values: Values  # maps measures by replicate and name to the value of each replicate
     subsets: tuple[str, ...]
     low: float  # the claim holds if its interval lies between low and high
     high: float

@@ -37,10 +37,10 @@ PEOPLE_STD = 0.045  # root mean square error of the shares of people in results/
 PREDICTORS = ("ap_predicted", "ten_points_percent", "coverage_percent", "information_bits")
 REPLICATES = 2000
 BINS = 10
-MEASURED_FRAMES = 30  # frames of a run
-LEAST_BOXES = 9  # false boxes of a pose, below which their rate says little
-LEAST_RATE = 0.03  # the same of an option, per frame
-OfPair = Callable[[FloatArray, FloatArray], float]  # of two values of each pose
+MEASURED_FRAMES = 30  # number of frames in a run
+LEAST_BOXES = 9  # poses with fewer false boxes are not used, because their rate is too uncertain
+LEAST_RATE = 0.03  # options with fewer false boxes per frame are not used
+OfPair = Callable[[FloatArray, FloatArray], float]  # computed from two values of each pose
 
 
 def predicted(outcome: Outcome, law: laws.Law) -> dict[str, float]:

@@ -26,7 +26,7 @@ from pyinfra.experiments.planner.simulate import frames_at
 from pyinfra.experiments.planner.site import PlanSite, open_site
 
 VOXEL_M = (1.0, 1.0, 0.5)
-STEP_M = 0.25  # between the samples of a beam
+STEP_M = 0.25  # distance between samples of a beam
 BEAMS_AT_ONCE = 4096
 OCCUPANCY_FRAMES = 400
 PEOPLE = ("people", "standing_people")  # keys of a scene

@@ -10,7 +10,7 @@ from reproduction.tables.common import LIDARS, markdown, results
 from reproduction.tables.rungs import BANDS
 
 PRESET, SCENE = "datasheet", "highway"
-GRADES = ("vendor", "driver", "third party", "nominal")  # in brackets in the files of LiDARs
+GRADES = ("vendor", "driver", "third party", "nominal")  # grades of sources in LiDAR files
 # What a comment with `assumed` or `not published` beside a key says.
 ASSUMPTIONS = {
     "range_at_10_percent_m": "range by reflectance and light",

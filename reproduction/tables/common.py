@@ -34,7 +34,7 @@ LIDARS = {
 
 # Tables of results whose values do not depend on frames.
 WITHOUT_FRAMES = frozenset(("evaluation", "impossible_sites", "lidars", "ops", "steps"))
-_used: set[str] = set()  # tables of results that `with_frames` notes
+_used: set[str] = set()  # tables of results that were read since `with_frames` began
 
 
 def results(name: str) -> pd.DataFrame:
@@ -84,7 +84,8 @@ def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "".join([lines[0], "|" + "---|" * len(heads) + "\n", *lines[1:]])
 
 
-# By the head of a column: a template of the values of a row, such as `{objects:,}`, or a function.
+# Maps the head of a column to a template of its cells, such as `{objects:,}`, or to a function that
+# takes a row and returns a cell.
 Columns = Mapping[str, str | Callable[[Any], str]]
 
 

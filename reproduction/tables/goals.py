@@ -21,7 +21,8 @@ SHOWN = {
     ("vehicle, no region", "false_per_frame"),
     ("vehicle in a queue", "recall"),
 }
-PILOTS = {"single": "pilot, single frames", "past": "pilot with the past"}  # ARM_SEED
+# Maps the part before `_` in the name of a pilot's model to its description.
+PILOTS = {"single": "pilot, single frames", "past": "pilot with the past"}
 
 
 def goals() -> str:
@@ -45,7 +46,7 @@ def pilots() -> str:
     for row in table[kept].itertuples():
         arm, _, seed = str(row.model).partition("_")
         if arm == "past" and row.inputs != "past":
-            continue  # with an empty past
+            continue  # measured with an empty past
         name = f"{PILOTS[arm]}, seed {seed}" if arm in PILOTS else "version 3"
         less = _value(row, "difference") if arm in PILOTS else ""
         where = f"{row.set} ({row.sites})"

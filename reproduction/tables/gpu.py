@@ -13,7 +13,7 @@ from reproduction.tables.common import Columns, markdown, number, of_rows, resul
 DETECTORS = ("centerpoint-pillar", "pointpillars", "dsvt", "pv-rcnn", "pointrcnn")
 AP_STEPS = 100  # steps of the tier `quick` before the AP is measured
 MATRIX = ROOT / "configs/benchmarks/paper.yaml"
-STEPS = 40_000  # of a training of the tier `full`
+STEPS = 40_000  # steps of a training of the tier `full`
 OPEN = "not measured"
 
 

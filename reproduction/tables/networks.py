@@ -28,7 +28,7 @@ HELD_OUT = (
     "hesai_xt32",
     "livox_horizon",
 )  # LiDARs that configs/streams/generalist.yaml excludes from training
-PARTS = ("reading", "pillars", "layers", "boxes")  # of a frame of the pretrained detector
+PARTS = ("reading", "pillars", "layers", "boxes")  # parts of the pretrained detector's time
 MANY_LABELS = 200  # minimum number of labels in the test frames
 
 

@@ -18,7 +18,7 @@ ERRORS = {
     "mean error with the same traffic": "prediction from the traffic of a seed, with that seed",
     "mean error of another seed": "measurement with one seed, with the mean of the other two",
 }
-WORDS = {  # of quantities in placement_summary.csv, in the words of the page
+WORDS = {  # words of placement_summary.csv: words of the page
     " less ": " minus ",
     "mean pose": "mean of the poses",
     "see all around": "view 360 degrees",
@@ -29,7 +29,7 @@ WORDS = {  # of quantities in placement_summary.csv, in the words of the page
 }
 
 TWO_DIGITS = "{value:.2f} [{low:.2f}, {high:.2f}]"
-FIGURES = {  # of plan_coverage_summary.csv
+FIGURES = {  # figures of plan_coverage_summary.csv
     "recall": "vehicles found, of 100",
     "people_recall": "pedestrians found, of 100",
     "false_per_frame": "false boxes per frame",

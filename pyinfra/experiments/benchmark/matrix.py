@@ -143,7 +143,7 @@ class Plan:
 
     experiments: tuple[Experiment, ...]
     frames: str
-    files: dict[tuple[str, str], Path]  # by kind and name
+    files: dict[tuple[str, str], Path]  # files by kind and name
     costs: Costs
     parts: Parts
     traffic_offset: int = 0  # is added to the seeds of the scenes

@@ -47,7 +47,7 @@ def benchmark(
     inputs.resolved.cache_clear()
     inputs.check_names(plan)
     for folder in (workspace.work, workspace.results):
-        folder.mkdir(parents=True, exist_ok=True)  # an impossible folder is found before the work
+        folder.mkdir(parents=True, exist_ok=True)  # an invalid folder is found before the work
     digests = inputs.digests(plan)
     inputs.check_frames(workspace.table("hits"), digests)
     check_experiments(workspace.table("experiments"), plan, progress)

@@ -27,16 +27,17 @@ WALL_TO_ROAD_M = 20.0  # walls farther than this from every carriageway carry no
 LEAST_MEDIAN_M = 1.0  # medians below this width carry no pole
 SEARCH_M = 20.0  # distance within which a free place is searched
 ISLAND_M = 6.0  # places with carriageway within this distance all around carry no pole
-APART_M = 1.0  # positions closer than this to an earlier one are left out
+APART_M = 1.0  # positions closer than this to an earlier position are left out
 WORDS = frozenset({"existing", "kind", "name", "lidar", "left_out"})
-# Columns of a file of poses. Those of candidates.csv are known, so that its rows can be one.
-ARM = ["arm_m", "bearing_deg"]  # of an arm from the mast at x_m, y_m; bearing 0 is north, 90 east
+# Columns of an arm from the mast at x_m, y_m. The bearing is 0 to the north and 90 to the east.
+ARM = ["arm_m", "bearing_deg"]
+# Columns of a file of poses. They include those of candidates.csv, so that users can copy its rows.
 COLUMNS = (*POSE, *ARM, "existing", *(WORDS - {"existing"}), "height_m", "frames", "recall")
 MOST_ARM_M = 30.0
-FOOT = ["foot_x_m", "foot_y_m"]  # of the pole or mast; another place than x_m, y_m with an arm
-MOST_GIVEN = 12  # positions of the user of which each has an option in the tables
-GIVEN = ("file", "arm")  # kinds of the poses of the user
-TRIED_M = (5.0, 8.0, 12.0)  # heights above the road that are tried for a pose that is not free
+FOOT = ["foot_x_m", "foot_y_m"]  # position of the pole or mast; with an arm it is not x_m, y_m
+MOST_GIVEN = 12  # if the user gives more positions, not each has an option in the tables
+GIVEN = ("file", "arm")  # kinds of poses that the user gives
+TRIED_M = (5.0, 8.0, 12.0)  # heights above the road to try for a pose below the road
 GRID_RANGES = {
     "every_m": (0.5, 1000),
     "heights_m": (0.5, 100),

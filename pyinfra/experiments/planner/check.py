@@ -18,7 +18,7 @@ from pyinfra.experiments.planner.verdict import LISTED, Compared, in_order
 from pyinfra.metrics.comparison import Interval, clipped
 from pyinfra.metrics.intervals import student
 
-MOST_SIMULATED = 6  # options that are simulated in full, beside one of another kind
+MOST_SIMULATED = 6  # maximum number of options simulated in full, besides one of another kind
 
 
 def check(setting: Setting, chosen: Compared) -> tuple[Compared, dict[tuple[int, ...], Found]]:

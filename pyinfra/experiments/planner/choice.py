@@ -18,8 +18,8 @@ from pyinfra.experiments.planner.observe import Observed, Setting
 from pyinfra.experiments.planner.predict import detection_probabilities
 from pyinfra.experiments.planner.request import Request
 
-BEST_PAIRS = 200  # options of two units that are kept for the table
-SHOWN = 12  # options in the table, besides the best of each LiDAR
+BEST_PAIRS = 200  # number of pairs of units that are kept
+SHOWN = 12  # number of pairs in the table
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Units:
     existing: BoolArray  # (n,) whether the pole exists already
     lidars: Sequence[PlanLidar]  # (n,)
     costs: Costs
-    given: IntArray | None = None  # (n,) number of the user's position, else -1; None: none is
+    given: IntArray | None = None  # (n,) number of the user's position, else -1; None: all are -1
 
     def given_at(self, unit: int) -> int:
         """Returns the number of the user's position of a unit, -1 for a pose that was made."""

@@ -30,7 +30,7 @@ ITEMS = (
     "lidar_w", "computer_w", "usd_per_kwh",
 )  # fmt: skip
 HOURS_A_YEAR = 8766
-CORES = 4  # cores of the computer of the table
+CORES = 4  # cores of the computer in the table of costs
 
 
 @dataclass(frozen=True)
@@ -62,10 +62,10 @@ class PlanLidar:
     name: str
     unit: simulation.Lidar
     price_usd: Range
-    source: str  # of the price
-    all_around: bool  # whether its yaw does not matter
+    source: str  # source of the price
+    all_around: bool  # whether the LiDAR's yaw does not matter
     units: int  # number of LiDARs in a bundle, else 1
-    spinning: bool  # whether a unit of it spins
+    spinning: bool  # whether a unit of the LiDAR spins
 
     @property
     def confirmed(self) -> bool:

@@ -20,7 +20,7 @@ from pyinfra.core.names import check_name
 from pyinfra.dataset.frames_version import FIRST
 
 FILE = Path(__file__).with_name("detectability.json")
-CUTS = tuple(round(0.05 + 0.05 * i, 2) for i in range(19))  # scores of the laws
+CUTS = tuple(round(0.05 + 0.05 * i, 2) for i in range(19))  # minimum scores of boxes in the laws
 CUT = 0.5  # minimum score of a box, if the user sets no maximum rate of false boxes
 OBJECT_TERMS = (
     "constant", "log_points", "log_points_2", "log_along", "log_up", "distance", "log_distance",
@@ -63,8 +63,8 @@ class Detectability:
     vehicles: Law
     people: Law | None
     unseen: UnseenErrors
-    gains: dict[str, float]  # AP that fine-tuning to a LiDAR adds, by LiDAR; those measured only
-    frames_version: str = FIRST  # of the frames that the laws and the detector learnt from
+    gains: dict[str, float]  # AP that fine-tuning adds, by LiDAR; has measured LiDARs only
+    frames_version: str = FIRST  # the laws and the detector learnt from these frames
 
 
 def read_detectability(detector: str, file: Path = FILE) -> Detectability:

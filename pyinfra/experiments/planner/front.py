@@ -40,7 +40,7 @@ from pyinfra.experiments.planner.request import (
 from pyinfra.experiments.planner.site import other_traffic
 from pyinfra.experiments.planner.verdict import Compared
 
-UNSEEN_FRAMES = 48  # frames of the predictions, of other traffic than that of the choice
+UNSEEN_FRAMES = 48  # frames of the predictions; their traffic is not that of the choice
 CELL_M = 5.0
 
 
@@ -50,7 +50,7 @@ class Cells:
 
     corner_m: FloatArray  # (cells, 2) x, y of the lower left corner
     vehicles: IntArray  # (cells,) number of vehicles in all frames
-    recall: FloatArray  # (options, cells) share of them that an option finds
+    recall: FloatArray  # (options, cells) share of the vehicles that an option finds
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from pyinfra.experiments.planner.choice import Choice, Units, most_units
 from pyinfra.experiments.planner.predict import SIMULATED, Standing
 from pyinfra.experiments.planner.request import Request
 
-REASONS = 4  # reasons of left-out poses that are listed
+REASONS = 4  # maximum number of listed reasons why poses are left out
 
 
 def usd(value: float) -> str:

@@ -42,8 +42,8 @@ class Setting:
     effort: Effort
     law: Detectability
     costs: Costs
-    poses: pd.DataFrame  # that are possible
-    lidars: Sequence[PlanLidar]  # within the budget
+    poses: pd.DataFrame  # possible poses
+    lidars: Sequence[PlanLidar]  # LiDARs within the budget
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +52,9 @@ class Objects:
 
     table: pd.DataFrame
     weight: FloatArray  # (n,) 0 for an object that the choice does not include
-    near: BoolArray  # (n,) whether it lies within the distance of the request
+    near: BoolArray  # (n,) whether the object lies within the distance of the request
     frame: IntArray  # (n,) index of the frame
-    frames: int  # number of frames, with those that have no object
+    frames: int  # number of frames, including frames without an object
 
     @property
     def near_vehicles(self) -> BoolArray:
@@ -198,7 +198,7 @@ def _kept(file: Path) -> AnyArray | None:
     """Returns the rows of a finished part, or None for a missing or damaged file."""
     try:
         rows: AnyArray = np.load(file)
-    except (OSError, ValueError, EOFError, SyntaxError):  # the header is a Python literal
+    except (OSError, ValueError, EOFError, SyntaxError):  # NumPy parses the header as Python
         return None
     return rows if {"at", "lidar", "frame"} <= {*(rows.dtype.names or ())} else None
 

@@ -88,9 +88,9 @@ class Plan(Presented):
     sensitivity: pd.DataFrame
     answer: Answer
     front: Front
-    lidars: tuple[PlanLidar, ...]  # within the budget
+    lidars: tuple[PlanLidar, ...]  # LiDARs within the budget
     counting: Counting | None = None
-    above_budget: dict[str, float] = field(default_factory=dict)  # lowest price of other LiDARs
+    above_budget: dict[str, float] = field(default_factory=dict)  # price by LiDAR, above the budget
 
     def facts(self) -> dict[str, object]:
         first = self.options[self.options.option == 1]
@@ -241,7 +241,7 @@ def plan(
         # Choose, and check the best options in full.
         compared, found = check(setting, choose(setting, raced))
 
-        # What changes the choice, what the first option finds then, and which passages it counts.
+        # Vary prices and conditions, and count the passages of the first option.
         parts = parts_of(compared.first, compared, setting)
         moves, in_rain = moves_of(compared, request), recall_in_rain(compared, setting)
         rows = list(computed_rows(compared, moves, in_rain[:1]))

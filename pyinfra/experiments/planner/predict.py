@@ -36,12 +36,12 @@ UNKNOWN = Interval(float("nan"), float("nan"), float("nan"))
 class Standing:
     """The figures of an option that decide. Shares are 0 to 1."""
 
-    recall: Interval  # of the vehicles within the distance of the request
+    recall: Interval  # recall of vehicles within the distance of the request
     people: Interval
-    shares: Mapping[str, Interval]  # of each goal, by its column
+    shares: Mapping[str, Interval]  # share of each goal, by its column
     weighted: float  # share of all objects by their weights
     false_per_frame: Interval
-    ap: Interval  # of all vehicles of the region, 0 to 100
+    ap: Interval  # AP of all vehicles of the region, 0 to 100
     position_m: float  # 95 % of the positions of found vehicles are within this; NaN if predicted
     source: str  # SIMULATED or PREDICTED
 
@@ -134,7 +134,7 @@ def predict(
         people=share(objects.near & person),  # even if they have no weight in the choice
         shares={name: share(counted) for name, counted in more.items()},
         weighted=float(probability[:, 0] @ objects.weight / objects.total),
-        # If no score keeps false boxes as rare as asked, none makes them rarer than predicted.
+        # If no score keeps the requested rate, the interval has no rate below the predicted one.
         false_per_frame=false if keeps else replace(false, low=rate),
         ap=_limited(
             _aps(of_vehicles, law.vehicles, per_frame, spinning, objects), 100, law.unseen.ap**2

@@ -24,7 +24,7 @@ from pyinfra.experiments.planner.predict import detection_probabilities
 from pyinfra.experiments.planner.request import Request
 
 FIRST_FRAMES = 6
-LEAST_PER_LIDAR = 3  # pairs of each LiDAR that always stay
+LEAST_PER_LIDAR = 3  # number of pairs of each LiDAR that always stay
 
 
 def race(setting: Setting, possible: BoolArray) -> Observed:
@@ -60,7 +60,7 @@ def race(setting: Setting, possible: BoolArray) -> Observed:
         limited = limit(stay, pairs, request.most, end) | always
         pairs.loc[stay & ~limited, "left_out"] = f"over the limit of pairs after {end} frames"
         alive = limited
-    number = np.cumsum(alive) - 1  # of each pair among those that stayed
+    number = np.cumsum(alive) - 1  # number of each pair among those that stayed
     seen = seen[alive[seen.pair]].assign(pair=lambda t: number[t.pair]).reset_index(drop=True)
     return Observed(pairs, seen, objects)
 

@@ -19,8 +19,8 @@ from pyinfra.experiments.planner.detectability import Detectability
 from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.formats.csv_table import check_columns, expect, read_csv
 
-DISTANCES = (1.0, 0.5, 1.5)  # of the request's distance, for which there is a front
-RANGES = {  # of the arguments of `plan` that have one
+DISTANCES = (1.0, 0.5, 1.5)  # factors on the request's distance; each has a front
+RANGES = {  # allowed ranges of arguments of `plan`
     "budget_usd": (1, 1e9),
     "within_m": (5, 500),
     "poles": (1, 20),
@@ -36,7 +36,7 @@ CLASSES = ("vehicle", "person", "any")
 CROSSINGS = "the crossings"
 BESIDE_M = 10.0  # width beside a carriageway in which people walk
 CROSSING_M = 6.0  # radius around the middle of a crossing of a map
-ENDS = ("low", "high", "in_choice", "in_rain", "simulated")  # of columns of the plan's tables
+ENDS = ("low", "high", "in_choice", "in_rain", "simulated")  # ends of column names in the tables
 AREA_COLUMNS = ("name", "x_m", "y_m", "radius_m")
 
 
@@ -66,17 +66,17 @@ class Request:
     budget_usd: float
     find: float = 0.9  # share of the objects to be found in a frame, 0 to 1
     within_m: float = 60.0  # distance from the centre of the site within which objects are included
-    false_per_minute: float = math.inf  # most false boxes a minute; infinite: score 0.5
-    poles: int = 1  # most poles
-    lidars_per_pole: int = 1  # most LiDARs on a pole
+    false_per_minute: float = math.inf  # maximum; if infinite, the minimum score is 0.5
+    poles: int = 1  # maximum number of poles
+    lidars_per_pole: int = 1  # maximum number of LiDARs on a pole
     people: float = 0.0  # weight of a person relative to a vehicle in the choice
-    areas: tuple[Area, ...] = ()  # areas of other weights, such as crossings
+    areas: tuple[Area, ...] = ()  # areas whose objects have other weights
     years: float = 5.0
     detector: str = "generalist"
     preset: Preset = "datasheet"
-    frames: int = 96  # most frames of a pose
-    most: int = 1200  # most pairs of pose and LiDAR after the first frames
-    keep: float = 0.99  # confidence with which a pose must be worse to be left out
+    frames: int = 96  # maximum number of frames per pose
+    most: int = 1200  # maximum number of pairs of pose and LiDAR after the first frames
+    keep: float = 0.99  # confidence level of the test that leaves out worse poses
     period_s: float = PERIOD_S  # frame period of the LiDARs
 
     @property
@@ -101,7 +101,7 @@ class Effort:
     check_frames: int = 30  # frames in which the best options are simulated in full; 0 for none
     count: float | None = None  # share of the passages that option 1 must count; None: no count
     jobs: int = 1  # threads
-    observations: Path | None = None  # folder of what was observed, for plans that are resumed
+    observations: Path | None = None  # folder of observations, from which a plan can resume
     tell: Callable[[str], None] = show_line  # called with a line for each stage
 
 
@@ -135,7 +135,7 @@ def check_request(request: Request, effort: Effort, law: Detectability) -> None:
 class Goal:
     """What is to be found: objects of a class within a distance, or the objects of an area."""
 
-    column: str  # the column of its share
+    column: str  # column with the share of the goal
     what: str  # vehicles, pedestrians or the name of an area
     within_m: float | None  # None for an area
     counted: BoolArray = field(default_factory=lambda: np.zeros(0, bool))  # (objects,)

@@ -37,9 +37,9 @@ RAIN_FRAMES = 24
 FURTHER_M, LOWER_M, TILT_DEG, YAW_DEG = 2.0, 0.5, 0.5, 0.5
 LANE_M = 3.5
 LORRY_SIZE_M = (12.0, 2.55, 4.0)  # largest lorry of two or three axles in the EU (96/53/EC)
-CLEARANCE_M = 0.3  # below its body
-LORRY_M = 9.0  # from the middle of the lorry
-BOX_FACES = [  # of the corners of a box: the lower four, then the upper four
+CLEARANCE_M = 0.3  # clearance below the lorry's body
+LORRY_M = 9.0  # objects nearer than this to the lorry's middle are left out
+BOX_FACES = [  # triangles of corner indices; 0 to 3 are the lower corners, 4 to 7 the upper
     (0, 2, 1), (0, 3, 2), (4, 5, 6), (4, 6, 7), (0, 1, 5), (0, 5, 4),
     (1, 2, 6), (1, 6, 5), (2, 3, 7), (2, 7, 6), (3, 0, 4), (3, 4, 7),
 ]  # fmt: skip
@@ -47,7 +47,7 @@ DENSITY = "traffic.vehicles_per_km_lane"
 PERCENT = (-20, 20)
 PER_POLE = ("pole_usd", "installation_usd", "upkeep_usd")
 OTHERS = ("cable_usd", "computer_usd", "usd_per_kwh")
-# Kinds of prices that may change: whether those of LiDARs do, and which lines of the costs do.
+# Prices that change together: whether LiDAR prices change, and which items of the costs change.
 PRICES: dict[str, tuple[bool, tuple[str, ...]]] = {
     "LiDAR prices": (True, ()),
     "costs per pole": (False, PER_POLE),
@@ -73,7 +73,7 @@ class Case:
     scene: Mapping[str, object] = field(default_factory=dict)
     lost: int | None = None  # number of a LiDAR that fails
     yaw_error_deg: float = 0.0
-    without: tuple[float, float] | None = None  # x y; objects within LORRY_M of it are left out
+    without: tuple[float, float] | None = None  # x y; objects within LORRY_M are left out
 
 
 def cases_of(site: PlanSite, parts: Parts) -> list[Case]:

@@ -36,14 +36,14 @@ from pyinfra.tracking.lines import lines_of
 from pyinfra.tracking.tracks import track
 
 FRAMES = 30
-SEEDS = 3  # of the traffic
+SEEDS = 3  # number of traffic seeds
 VEHICLES = Settings(ground_truths=("present",))
 PEOPLE = Settings(
     classes={"pedestrian": ("Pedestrian",)}, ground_truths=("present",), metrics=("centre",)
 )
-REPLICATES, FEWEST = 200, 2  # of the bootstrap
-LEARNING_FRAMES = 30  # frames from which Background learns, beside those that are measured
-SECONDS = 30.0  # of simulated traffic for counts
+REPLICATES, FEWEST = 200, 2  # numbers of bootstrap replicates with and without intervals
+LEARNING_FRAMES = 30  # number of frames from which Background learns; they are not measured
+SECONDS = 30.0  # duration of the simulated traffic for counts
 WITHIN_M = 80.0  # largest distance of the vehicles whose speeds are compared
 
 Parts = Sequence[tuple[Sequence[float], simulation.Lidar]]  # pose and LiDAR of each unit
@@ -53,7 +53,7 @@ Parts = Sequence[tuple[Sequence[float], simulation.Lidar]]  # pose and LiDAR of 
 class Found:
     """The objects in the frames of a simulated option, and which of them have a box."""
 
-    objects: pd.DataFrame  # frame (index), person, x, y (world), found, away (of its box, metres)
+    objects: pd.DataFrame  # frame (index), person, x, y (world), found, away (error of the box, m)
     frames: int
     false: FloatArray  # (frames,) false boxes of each frame
     ap: Interval
@@ -91,7 +91,7 @@ def simulate_option(
     for seed, numbers in traffic or traffic_of(site, frames):
         alone = [frames_at(site, *part, numbers, seed=seed, scene=scene) for part in parts]
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", ".* used on frames")  # the answer states it once
+            warnings.filterwarnings("ignore", ".* used on frames")  # the answer has this warning
             result = measure_frames(fused(alone, yaw_error_deg), detector, replicates)
         at = {number: start + k for k, number in enumerate(sorted(numbers))}
         start += len(numbers)
@@ -219,9 +219,9 @@ class Counting:
 
     seconds: float
     passages: int  # true passages over all lines
-    counted: int  # of them, with a passage of a track
-    extra: int  # passages of tracks without a true one
-    speed_error_km_h: float  # median
+    counted: int  # true passages that match a passage of a track
+    extra: int  # passages of tracks that match no true passage
+    speed_error_km_h: float  # median error
     has_lines: bool = True  # whether a line can be drawn across the roads
 
     @property
@@ -250,7 +250,7 @@ def count_option(site: PlanSite, parts: Parts, detector: str, seconds: float = S
     except Error:
         return Counting(frames * site.period_s, 0, 0, 0, math.nan, has_lines=False)
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", ".* used on frames")  # the answer states it once
+        warnings.filterwarnings("ignore", ".* used on frames")  # the answer has this warning
         tracks = track(detect(detector_for(sequence, detector), sequence), sequence)
     result = evaluate_tracks(sequence, tracks, within_m=WITHIN_M, lines=lines)
     extra = int((result.passages.true_id < 0).sum())

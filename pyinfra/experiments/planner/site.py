@@ -24,8 +24,8 @@ from pyinfra.scenes.maps.map_file import FORMATS, PACKED
 from pyinfra.scenes.maps.network import read_network
 from pyinfra.scenes.maps.site_folder import NET, check_metres, scene_of
 
-LEAST_TO_SPLIT = 6  # frames of recorded traffic below which all of them serve every purpose
-NEAR_M = 80.0  # distance from the mount within which a junction of a map is the centre
+LEAST_TO_SPLIT = 6  # with fewer frames of recorded traffic, each purpose uses all frames
+NEAR_M = 80.0  # a map's junction within this distance of the mount is the centre
 PATTERN_FRAMES = 200  # frames after which the prisms of the Livox LiDARs repeat
 GOLDEN = (math.sqrt(5) - 1) / 2
 
@@ -56,9 +56,9 @@ class PlanSite:
     keys: dict[str, Any]  # resolved keys of the scene
     roads: tuple[Road, ...]  # the evaluation region, world frame
     every_frame: int  # number of frames of the scene
-    frames: tuple[int, ...]  # in the order in which they are observed
+    frames: tuple[int, ...]  # frame numbers, in the order of observation
     present: pd.DataFrame  # every object in the region: frame, id, type, person, x, y, speed
-    centre: FloatArray  # (2,) from which distances of the request are measured, world frame
+    centre: FloatArray  # (2,) origin of the distances of the request, world frame
     observed: SiteObserver
     period_s: float = PERIOD_S  # frame period of the LiDARs
 

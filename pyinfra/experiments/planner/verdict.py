@@ -16,7 +16,7 @@ from pyinfra.experiments.planner.request import Goal, Request
 
 Standings = Mapping[tuple[int, ...], Standing]
 Verdict = Literal["met", "not known", "not met"]
-Condition = Literal["find", "false_per_minute"]  # by its key in the request
+Condition = Literal["find", "false_per_minute"]  # keys of a request
 LISTED = 3  # options that are described in full
 
 
@@ -26,9 +26,9 @@ class Compared:
 
     options: Sequence[Choice]
     best: Sequence[Choice]  # those of this request; the others are best for other settings
-    listed: int  # options in the table; the others are those of the front
+    listed: int  # number of options in the table; the other options are those of the front
     units: Units
-    goals: tuple[Goal, ...]  # with the objects of `unseen`
+    goals: tuple[Goal, ...]  # goals that count the objects of `unseen`
     standings: Standings
     predicted: Callable[[tuple[int, ...]], Prediction]
     unseen: Observed  # observations in traffic other than that of the choice
@@ -79,7 +79,8 @@ def frames_needed(one: Standing, request: Request, frames: int) -> dict[Conditio
             if name == "false_per_minute":
                 figure, limit = one.false_per_frame, request.most_false
             away = abs(figure.value - limit)
-            half = max(figure.high - figure.value, figure.value - figure.low)  # one may be clipped
+            # One end may be clipped, so the longer side is used.
+            half = max(figure.high - figure.value, figure.value - figure.low)
             needed[name] = frames * (half / away) ** 2 if away else math.inf
     return needed
 

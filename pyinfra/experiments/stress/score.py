@@ -28,7 +28,7 @@ from pyinfra.models.detectors import Detections
 
 BANDS_M = {"near": (0.0, 40.0), "mid": (40.0, 70.0), "far": (70.0, math.inf)}
 ERRORS = ("background", *(f"misses_{band}" for band in BANDS_M), "position", "heading")
-PARTNER_M = 2.0  # largest distance between centres, unless half the vehicle's length is larger
+PARTNER_M = 2.0  # maximum distance of centres; for long vehicles it is half the length
 COLUMNS = (
     "ap",
     "ap_low",
@@ -95,7 +95,7 @@ def forgiven(match_result: MatchResult) -> dict[str, float]:
     - position, heading: false positives get the position or heading of their partner
     """
     inputs, partner = match_result.match_input, partners(match_result)
-    paired = partner >= 0  # false positives with a partner
+    paired = partner >= 0  # whether a prediction is a false positive near an unmatched vehicle
     detected = np.zeros(len(inputs.vehicles), dtype=np.bool_)
     detected[match_result.matches[match_result.matches >= 0]] = True
     detected[partner[paired]] = True

@@ -30,7 +30,7 @@ from pyinfra.formats.text_table import (
 
 _SHORTEST_M, _LONGEST_M = 0.001, 1000.0  # allowed length of a box side
 _MOST = 2**31 - 1  # largest id and largest number of points
-_ROUNDED_M = 0.05  # largest difference of `distance` from the distance of x, y: both are rounded
+_ROUNDED_M = 0.05  # tolerance of `distance` against x and y, because all are rounded
 _LONGEST_FRAME_S = 60.0
 # Fused data sets use the clock of the first mount. Frames of the other mounts may start up to 0.1 s
 # earlier or later.

@@ -10,7 +10,8 @@ from torch import Tensor
 
 from pyinfra.models.detectors.suppression import NMS_IOU
 
-# Each step settles boxes that hang on one more better box. Longer chains do not occur in practice.
+# Whether a box remains depends on better boxes, which can depend on others. Each step follows one
+# more link of such a chain. Longer chains than STEPS do not occur in practice.
 STEPS = 12
 FLAT = 1e-6  # least change of a coordinate along an edge, metres
 

@@ -53,13 +53,13 @@ LEAST_SHARE = 0.05  # minimum share of boxes of vehicles among the boxes near a 
 NEAR_M = 2.0  # standard deviation of the distances that are near
 CELL_M = 0.5
 AHEAD_M = 15.0  # vehicles drive straight on before and after their path
-HALF_WIDTH_M = 1.3  # of a vehicle
+HALF_WIDTH_M = 1.3  # half the width of a vehicle's path
 CLOSED_M = 8.0  # radius of the closing, which fills gaps between lanes
 LEAST_PART = 0.01  # smaller parts of the area are left out; share of the marked cells
 MOST_GAP_M = 20.0  # parts with a larger gap between them become outlines of their own
 STRIP_M = 3.0  # half the width of the strips that join the parts
 LEAST_HOLE_M2 = 300.0  # smaller holes are filled, and all holes of a short recording
-MARGIN_M = 1.0  # added around the closed area
+MARGIN_M = 1.0  # margin around the closed area
 MOST_CORNERS = 20
 
 

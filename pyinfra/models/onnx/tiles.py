@@ -15,7 +15,7 @@ from pyinfra.core.arrays import BoolArray, IntArray
 from pyinfra.models.detectors.bev_config import BevConfig
 
 Part = tuple[slice, slice]  # rows and columns
-Band = tuple[int, int, int, int]  # first row, row after the last, the same of columns
+Band = tuple[int, int, int, int]  # first row, end of rows, first column, end of columns
 HEAD_LAYERS = 2  # 3 x 3 convolutions after the blocks
 PER_TILE = 1000.0  # number of cells whose computing time equals the constant time of a tile
 
@@ -90,7 +90,7 @@ def receptive_cells(bev: BevConfig) -> int:
     The map is the output of the first convolution. A step is a cell of the last block.
     """
     step = math.prod(bev.strides[1:])
-    cells = math.ceil(HEAD_LAYERS / step)  # in cells of the last block
+    cells = math.ceil(HEAD_LAYERS / step)  # number of cells of the last block
     for layers, stride in zip(bev.layers[:0:-1], bev.strides[:0:-1], strict=True):
         cells = stride * (cells + layers) + 1
     return math.ceil((cells + bev.layers[0]) / step) * step

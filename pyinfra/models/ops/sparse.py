@@ -74,7 +74,7 @@ class SparseTensor:
     coordinates: Tensor  # (n, 4) int64: batch, z, y, x; no two rows are equal
     shape: Triple  # voxels along z, y, x
     batch_size: int
-    # of all levels, by key
+    # rulebooks and tables of all levels, by key
     rulebooks: dict[str, Rulebook | Table] = field(default_factory=dict)
 
     def with_features(self, features: Tensor) -> SparseTensor:

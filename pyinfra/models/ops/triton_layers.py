@@ -21,7 +21,7 @@ except ImportError:  # as in triton_kernels.py
 enabled = True  # if False, the twins in PyTorch are used
 ROWS = 64  # rows of one program
 SPLITS = 32  # programs that share the sum over rows of a gradient of weights
-LARGEST_SET, LARGEST_HEAD = 64, 64  # of the attention, whose programs hold whole sets
+LARGEST_SET, LARGEST_HEAD = 64, 64  # limits of the attention, whose programs hold whole sets
 
 if triton is not None:
 

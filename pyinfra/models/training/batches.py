@@ -55,7 +55,7 @@ class _Tasks(Dataset[list[tuple[int, Batch | Exception]]]):
         for step in self.steps[task * self.together : (task + 1) * self.together]:
             try:
                 made.append((step, self.make(step)))
-            except Exception as error:  # raised when the step is due
+            except Exception as error:  # the error is raised when its step is due
                 made.append((step, error))
         return made
 

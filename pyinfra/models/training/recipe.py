@@ -74,8 +74,8 @@ class Recipe:
     network: Any  # the Config of the detector
     learning: Learning
     augmentation: Augmentation
-    hook: Hook | None = None  # a further augmentation, of the user
-    loss: Callable[..., Any] | None = None  # changes the losses, of the user
+    hook: Hook | None = None  # the user's further augmentation
+    loss: Callable[..., Any] | None = None  # the user's function that changes the losses
 
     @property
     def classes(self) -> tuple[ObjectClass, ...]:

@@ -41,7 +41,7 @@ class RoadType:
     in_median: Weights
     embankment: float  # share of roads on an embankment, at sites without junctions
     embankment_m: Range  # depth of the embankment's foot below the road
-    # Shares of road sides with the object, down to `posts`.
+    # Each field from `rail` to `posts` is the share of road sides with this object.
     rail: float  # guard rail
     noise_wall: float
     hedge: float

@@ -20,10 +20,10 @@ from pyinfra.scenes.maps.surfaces import ears
 
 ENDINGS = (".json", ".cityjson")
 MOST_BYTES = 1 << 30
-# How many lists are around a surface in `boundaries`.
+# Number of nested lists around a surface in `boundaries`.
 DEPTH = {"MultiSurface": 0, "CompositeSurface": 0, "Solid": 1, "MultiSolid": 2, "CompositeSolid": 2}
 MOST_M = 1e9
-MOST_CORNERS = 2000  # of a surface
+MOST_CORNERS = 2000  # maximum number of corners of a surface
 
 
 def read_city_json(file: Path) -> Triangles:

@@ -89,7 +89,7 @@ def read_fcd(file: Path) -> list[Recorded]:
     """Reads all objects, in the order of their first rows. Raises FormatError, OSError."""
     if is_fcd_csv(file):
         return _read_csv(file)
-    rows: dict[tuple[str, str], list[tuple[float, ...]]] = {}  # kind and id to rows
+    rows: dict[tuple[str, str], list[tuple[float, ...]]] = {}  # maps kind and id to rows
     types: dict[tuple[str, str], str] = {}
     try:
         with _opened(file) as stream:

@@ -19,7 +19,7 @@ from pyinfra.scenes.maps.surfaces import contains, crosses_itself, side_of, sign
 class Building:
     """A building with one outline. Nodes are ids, without the repeated last one."""
 
-    source: str  # such as `way 5`
+    source: str  # name of the element in the map, such as `way 5`
     nodes: list[str]
     tags: dict[str, str]
     holes: list[list[str]] = field(default_factory=list)

@@ -87,7 +87,7 @@ def check_metres(site: Path, xy: FloatArray, where: str) -> None:
     """
     try:
         known = projection(site)
-    except FormatError:  # of another kind than geographic.py knows
+    except FormatError:  # geographic.py does not know this kind of projection
         return
     metres = metres_of_degrees(xy, known)
     if metres is not None:

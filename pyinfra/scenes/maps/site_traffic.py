@@ -21,7 +21,7 @@ from pyinfra.scenes.maps.trajectory_file import NAME, write_trajectories
 
 RECORD = "traffic.yaml"  # the arguments of the simulation that wrote the trajectories
 DRIVEN = "vehicles_per_hour_driven"  # key of the record
-LEAST_SHARE = 0.8  # of the vehicles asked for, below which the network cannot carry them
+LEAST_SHARE = 0.8  # if a smaller share of the requested vehicles drives, the network is full
 NO_VEHICLES = ("Pedestrian", "Cyclist")
 
 

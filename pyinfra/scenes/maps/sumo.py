@@ -29,7 +29,7 @@ def sumo_folder() -> Path:
 
 
 CRASHED = 128  # larger exit codes are those of signals
-# The options of output files. The text is the last one of a complete file.
+# Options that name output files, and the text at the end of a complete file.
 _OUTPUTS = {"--output-file": b"</net>", "--fcd-output": b"</fcd-export>"}
 _FILES = {
     *_OUTPUTS,

@@ -14,7 +14,7 @@ from pyinfra.experiments.planner.predict import SIMULATED
 from pyinfra.experiments.planner.request import distances
 from pyinfra.viz.plan_page.site_map import site_map, window_of
 
-FORMAT = 4  # of the file of the data
+FORMAT = 4  # version of the format of the data
 LEVELS = 50  # steps in which the share of a cell is stored
 FIRST_CODE = 48  # character code of the share 0
 COSTS = {
@@ -26,7 +26,7 @@ COSTS = {
     "power_usd": "power",
     "upkeep_usd": "upkeep",
 }
-POWER = ("lidar_w", "computer_w", "usd_per_kwh")  # items of the line of power
+POWER = ("lidar_w", "computer_w", "usd_per_kwh")  # items that the page names `power`
 
 Row = Mapping[str, Any]
 

@@ -24,12 +24,12 @@ from pyinfra.viz.site_plan import read_features
 
 MARGIN_M = 12.0
 LINE_STEP = 4  # every fourth point of a road line is drawn
-CROWN_M = 5.0  # crown of a tree whose scene does not give one
+CROWN_M = 5.0  # default diameter of the crown of a tree
 CROSSING_M = 1.5
 STOPS, STOP_M = ("bus_stop", "platform"), 3.0
-MOST_TRIANGLES = 20_000  # of meshes; further ones are left out
+MOST_TRIANGLES = 20_000  # maximum number of triangles of meshes; further triangles are left out
 SCALES_M = (10, 20, 50, 100)
-SURFACES = {"road": "road", "sidewalk": "walk"}  # class of each material of meshes
+SURFACES = {"road": "road", "sidewalk": "walk"}  # class in the page by material of a mesh
 STANDING = {"structure": "house", "vegetation": "tree"}
 
 

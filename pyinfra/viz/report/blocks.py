@@ -202,7 +202,7 @@ class Section:
     blocks: Sequence[Block]
 
 
-# The functions of a row that return its cells or their texts, by the title of the column.
+# Maps the title of a column to a function, which takes a row and returns a cell or its text.
 Columns = Mapping[str, Callable[[Any], TableCell | str]]
 
 

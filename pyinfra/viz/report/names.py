@@ -27,7 +27,7 @@ DETECTORS = {
     "generalist-as-is": "pretrained",
     "generalist": "fine-tuned",
 }
-OF_PACKAGE = ("generalist-as-is", "generalist")  # detectors that are called by what they are
+OF_PACKAGE = ("generalist-as-is", "generalist")  # detectors whose name is an adjective
 
 
 @dataclass(frozen=True)

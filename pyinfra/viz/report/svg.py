@@ -20,7 +20,7 @@ DENSE = 400  # a line with more points is stored as a bitmap
 POINTS_PER_PIXEL = 0.75
 SVG = "{http://www.w3.org/2000/svg}"
 URL = re.compile(r"url\(#([^)]+)\)")  # reference to an id in a style
-HREF = re.compile(r"^#(.+)")  # the same in a link
+HREF = re.compile(r"^#(.+)")  # reference to an id in a link
 COLOUR = re.compile(r"#[0-9a-fA-F]{6}(?![0-9a-fA-F])")
 FONT = re.compile(r"font-family: [^;]*;? ?")  # the page sets the font
 ElementTree.register_namespace("", SVG[1:-1])

@@ -43,10 +43,10 @@ class ViewFrame:
     sensor: WorldPose
     points: Points  # (n, 3)
     intensity: Float32Array  # (n,) [0, 1]
-    boxes: FloatArray  # (k, 7) of the labelled objects
+    boxes: FloatArray  # (k, 7) boxes of the labelled objects
     names: NameArray  # (k,) class
     hits: IntArray | None  # (k,) returns from each object; None if only labels are known
-    time_s: Float32Array | None = None  # (n,) since the start of the frame
+    time_s: Float32Array | None = None  # (n,) from the start of the frame
     object_id: Int32Array | None = None  # (n,) -1 for background
     predictions: Labels | None = None  # predicted boxes, world frame; None if there is no file
     trails: Sequence[FloatArray] = ()  # (n, 3) past positions of the predicted tracks
