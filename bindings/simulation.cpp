@@ -20,7 +20,6 @@ namespace py = pybind11;
 
 namespace {
 
-/// Checks a range of frames.
 /// @throws ConfigError if the numbers are not a range of frames
 void check_frames(int first_frame, int last_frame, int step) {
   if (first_frame < 0 || last_frame <= first_frame || step < 1)
@@ -41,7 +40,7 @@ py::array_t<double> pattern_rays(const LidarConfig& lidar, int first_frame, int 
                              rows.data());
 }
 
-/// @throws ConfigError for a period that no LiDAR has
+/// @throws ConfigError for a frame period that is too short or too long for a LiDAR
 void check_period(double period_s) {
   if (!(period_s >= kShortestPeriod_s && period_s <= kLongestPeriod_s))
     throw ConfigError("period_s: expected " + config::number_text(kShortestPeriod_s) + " to " +
@@ -66,7 +65,7 @@ std::pair<py::array_t<float>, py::array_t<std::uint32_t>> mesh_arrays(const Worl
                                  mesh.triangles.data()->data())};
 }
 
-/// Returns a copy whose return model keeps each hit within the maximum range at the exact range.
+/// Returns a copy of the LiDAR that detects every hit within its range limits, without range noise.
 LidarConfig with_every_hit(LidarConfig lidar) {
   for (LidarUnit& unit : lidar.units) {
     ReturnsConfig& returns = unit.returns;
@@ -78,7 +77,7 @@ LidarConfig with_every_hit(LidarConfig lidar) {
                .beam = std::nullopt,
                .echoes = std::nullopt};
     if (!returns.detection) continue;
-    // Intensities stay those of received power.
+    // Detection stays enabled, because it determines how intensities are computed.
     returns.detection->range_at_10_percent_m = kLongestPublishedRange_m;
     returns.detection->further_ranges.clear();
     returns.detection->law_exponent = kLeastExponent;

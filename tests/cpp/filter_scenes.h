@@ -12,8 +12,8 @@
 
 namespace infrasim::testing {
 
-/// A road along x whose cross-section is a polyline of (y, z), with boxes on it; levelled LiDAR
-/// frame. `grade` tilts everything: dz/dx.
+/// A road along x whose cross-section is a polyline of (y, z), with boxes on it, in the levelled
+/// LiDAR frame. `grade` is the slope dz/dx of the road.
 struct Scene {
   std::vector<Vec2> profile;
   double grade = 0;
@@ -35,7 +35,7 @@ inline double range_to_profile(const Scene& scene, Vec3 u) {
     const auto [y0, z0] = scene.profile[i];
     const auto [y1, z1] = scene.profile[i + 1];
     const double slope = (z1 - z0) / (y1 - y0);
-    // on the strip z = z0 + slope (y - y0) + grade x
+    // range at which the ray meets the plane z = z0 + slope (y - y0) + grade x
     const double range = (z0 - slope * y0) / (u.z - slope * u.y - scene.grade * u.x);
     const double y = range * u.y;
     if (range > 0 && y >= y0 && y < y1) nearest = std::min(nearest, range);

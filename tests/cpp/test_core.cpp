@@ -45,7 +45,7 @@ TEST(fixed_text, is_what_printf_gives_in_the_c_locale) {
   for (int i = 0; i < 2000; ++i) {
     values.push_back(std::uniform_real_distribution<double>(-500, 500)(random));
     values.push_back(static_cast<float>(values.back()));
-    // half a unit of the last digit
+    // a value half way between two numbers with four decimals
     values.push_back(std::round(values.back() * 1e4) / 1e4 + 5e-5);
   }
   for (const double value : values)

@@ -18,7 +18,7 @@ std::vector<Overlap> overlaps(const Trajectories& trajectories) {
   return search.overlaps();
 }
 
-/// Trajectories of vehicles that stand still.
+/// Returns the number of overlapping pairs of vehicles that stand still.
 std::size_t pairs(const std::vector<ObjectState>& standing) {
   return overlaps(straight_on(standing, 0)).size();
 }

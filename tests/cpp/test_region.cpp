@@ -1,5 +1,5 @@
-// The evaluation region: the same members as by a search over the whole of each road, in a time
-// that does not grow with the road.
+// Tests that the evaluation region equals that of a search over the whole of each road, and that
+// the time for a point does not grow with the length of the road.
 #include "infrasim/scene/region.h"
 
 #include <gtest/gtest.h>

@@ -84,8 +84,9 @@ TEST(returns, of_every_hit_within_the_limits_are_kept_as_they_are) {
 TEST(drop_off, keeps_the_shares_of_carla) {
   ReturnsConfig config = returns_up_to(300);
   config.drop_off.emplace();
-  // A share of 0.55 remains at random. Of these, all remain while exp(-0.004 d) > 0.8, that is up
-  // to 55.8 m; beyond, a share of 0.5 I + 0.6.
+  // The random loss keeps a share of 0.55. All of these points are kept while the intensity
+  // I = exp(-0.004 d) is above 0.8, up to 55.8 m. At longer ranges, a share of 0.5 I + 0.6 of them
+  // is kept.
   for (const double range : {1.0, 30.0, 55.0, 57.0, 80.0, 100.0, 250.0}) {
     const double intensity = std::exp(-0.004 * range);
     const double wanted = 0.55 * (intensity > 0.8 ? 1 : 0.5 * intensity + 0.6);
@@ -237,8 +238,8 @@ TEST(detection, denser_fog_sees_less_far) {
 }
 
 TEST(detection, in_fog_is_weakened_by_koschmieders_law_both_ways) {
-  // At the visibility, the contrast is 5 % one way. The echo is weakened on both ways: by a factor
-  // of 400.
+  // Over the distance of the visibility, fog reduces the light to 5 %. An echo passes this distance
+  // twice and is weakened by a factor of 400.
   WeatherConfig fog = kNight;
   fog.visibility_m = 100;
   EXPECT_NEAR(kept(detecting(100), 100, 40.F, fog), 0.5, bound(0.5));

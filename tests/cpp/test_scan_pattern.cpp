@@ -61,7 +61,7 @@ PatternConfig five_directions() {
   return pattern;
 }
 
-/// The same directions with unevenly spaced times.
+/// The pattern of five_directions with unevenly spaced times.
 PatternConfig five_directions_in_bursts() {
   PatternConfig pattern = five_directions();
   pattern.table->times_s = {0, 0.0001, 0.0001, 0.0032, 0.0041};
@@ -83,11 +83,12 @@ double elevation(const RayBatch& rays, std::size_t i) {
   return std::atan2(rays.dz[i], std::hypot(rays.dx[i], rays.dy[i]));
 }
 
-/// Every kind of pattern, also with motors that have run for some time.
+/// A pattern with a name for messages.
 struct Named {
   std::string name;
   ScanPattern pattern;
 };
+/// Patterns of every kind, some of them with motors that have run for some time.
 std::vector<Named> all_patterns() {
   const Mat3 pose = rotation(0.4, -0.2, 0.1);
   PatternConfig uneven = spinning(5, -10, 10, 0.17);
@@ -162,7 +163,7 @@ TEST(spinning_pattern, a_channel_with_a_column_step_has_every_so_many_rays_of_on
     for (const Channel& c : config.spinning->channels.table)
       steps[static_cast<std::size_t>((c.elevation_deg + 15) / 2)] = c.column_step;
     for (int ring = 0; ring < 16; ++ring) {
-      // Rays of a ring, by time.
+      // rays of the ring in both patterns, in the order of time
       std::vector<std::size_t> of_all, of_some;
       for (std::size_t i = 0; i < all.size(); ++i)
         if (all.ring[i] == ring) of_all.push_back(i);
@@ -498,7 +499,7 @@ TEST(table_pattern, fires_at_the_times_of_its_rows_over_and_over) {
     const double start_s = phase_s > 0 ? 2 * kTable_s + times[2] : 0;
     std::int64_t row = 0;
     for (int k = 0; k < 20; ++k) {
-      ASSERT_EQ(frame(pattern, k).first, row);  // of the previous frame
+      ASSERT_EQ(frame(pattern, k).first, row);  // no row is skipped between frames
       const RayBatch rays = rays_of(pattern, k);
       for (std::size_t i = 0; i < rays.size(); ++i, ++row) {
         const std::int64_t repetition = (row + ahead) / 5, at = (row + ahead) % 5;

@@ -524,8 +524,8 @@ TEST(beam, wide_and_flat_has_one_range_to_flat_ground_all_around) {
   }
 }
 
-/// Walls all around, higher than any beam and farther than any return. They prevent that a ray is
-/// left out.
+/// Adds walls all around, higher than any beam and farther than any return. Without them, the
+/// raycaster would leave out rays above all objects.
 void surround(SceneConfig& scene) {
   for (int i = 0; i < 8; ++i) {
     BuildingConfig& wall = scene.buildings.emplace_back();

@@ -29,8 +29,8 @@ void expect_same(const Frame& a, const Frame& b) {
   }
 }
 
-/// Checks that the frames with the layer equal the frames with all rays cast. @return number of
-/// points on vehicles
+/// Checks that the frames with the layer equal the frames with all rays cast.
+/// @return number of points on vehicles
 int expect_same_as_casting_all(const World& world, const LidarConfig& lidar) {
   SCOPED_TRACE(world.scene.name + ", " + lidar.name + ", " + lidar.preset);
   FrameSimulator layered(world, std::array{lidar}), all(world, std::array{lidar}, {});

@@ -139,7 +139,7 @@ TEST(trajectories, of_any_scene_give_the_same_vehicles_and_people_from_their_fil
     scene.trajectories = folder.write("file.csv", text).string();
     scene.traffic.reset();
     scene.people.reset();
-    scene.profile.reset();  // a file has world coordinates
+    scene.profile.reset();  // the heights in a file already include the profile
     EXPECT_EQ(trajectories_csv(*build_world(scene).trajectories), text) << scene.seed;
   }
   EXPECT_GE(begin_or_end_empty, 4);
@@ -332,7 +332,7 @@ TEST(trajectories, in_a_frame_are_the_vehicles_that_are_there_at_both_of_its_end
   EXPECT_EQ(objects[1].id, 4);
 }
 
-// --- of some frames -----------------------------------------------------------------------------
+// --- trajectories of some frames ----------------------------------------------------------------
 
 /// Three cars for ten frames.
 Trajectories three_cars() {

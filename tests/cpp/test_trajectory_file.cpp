@@ -41,7 +41,7 @@ std::vector<bool> rows(const std::vector<std::pair<int, int>>& ranges) {
   return out;
 }
 
-/// The file after several runs.
+/// Returns the text of trajectories.csv after several runs.
 std::string merged(const World& world, const std::vector<std::vector<bool>>& runs) {
   const TestFolder folder;
   const auto file = folder.path() / "trajectories.csv";

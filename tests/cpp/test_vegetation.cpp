@@ -29,7 +29,7 @@ std::vector<std::uint32_t> in_order(std::size_t n) {
   return order;
 }
 
-/// The same ray, n times.
+/// Returns n rays in one direction.
 RayBatch rays_along(Vec3 d, std::size_t n) {
   RayBatch rays;
   rays.resize(n);
@@ -219,7 +219,7 @@ TEST(vegetation, becomes_points_of_its_class_inside_it_that_move_from_frame_to_f
   SceneConfig scene = empty_road();
   scene.vegetation = {hedge_across(0)};
   const Frame first = frame_of(scene, seeing_lidar()), second = frame_of(scene, seeing_lidar(), 1);
-  // in the levelled frame
+  // The hedge is in the levelled frame, whose origin is 6 m above the road.
   const LeafVolume hedge = volume({0, 20, 4 - 6, 20.01, 4.01, 8.01, 0}, 1);
   int points = 0;
   for (std::size_t i = 0; i < first.cloud.size(); ++i) {
@@ -235,7 +235,7 @@ TEST(vegetation, becomes_points_of_its_class_inside_it_that_move_from_frame_to_f
                                     return first.cloud.class_id[i] == kLeaves &&
                                            point(first.cloud, i).z > 0;
                                   }),
-            30);  // above all solid objects, too
+            30);  // points above all solid objects
   EXPECT_NE(first.cloud.xyz, second.cloud.xyz);
 }
 

@@ -1,4 +1,4 @@
-// What is suspicious about trajectories, meshes and LiDARs is a warning or an error.
+// Tests that implausible trajectories, meshes and LiDARs give a warning or an error.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -20,7 +20,7 @@ void expect_within(const std::string& message, const std::string& what) {
   EXPECT_NE(message.find(what), std::string::npos) << message << "\n  must say " << what;
 }
 
-/// Returns the text of a .ply of boxes and rectangles, whose numbers are multiplied by `scale`.
+/// Makes the text of a .ply file of rectangles, whose coordinates are multiplied by `scale`.
 class Mesh {
  public:
   explicit Mesh(double scale = 1) : scale_(scale) {}

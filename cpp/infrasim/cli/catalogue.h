@@ -27,15 +27,14 @@ inline constexpr const char* kEchoHelp =
     "LiDAR "
     "files";
 
-/// Values of a command that replace those of LiDAR files.
+/// Command-line values that replace values in LiDAR files.
 struct LidarChanges {
   std::optional<double> rate_hz;
   std::optional<double> law_exponent;
   std::optional<std::string> echo;
 };
 
-/// Returns a LiDAR with the changes of a command. Warns if its published ranges determine the
-/// exponent of its law.
+/// Returns a LiDAR with the values of a command. Warns if `law_exponent` has no effect on it.
 LidarConfig with_changes(LidarConfig lidar, const LidarChanges& changes);
 
 /// Reads the LiDAR of a command-line argument.

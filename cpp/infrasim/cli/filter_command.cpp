@@ -54,7 +54,7 @@ FilterStep filter_of(std::span<const double> numbers) {
 struct FilterOption {
   const char* name;
   const char* help;
-  int numbers;  ///< minimum; 0 makes it a flag
+  int numbers;  ///< minimum number of values; an option with 0 values is a flag
   int most_numbers;
   FilterStep (*filter)(std::span<const double> numbers);
 };

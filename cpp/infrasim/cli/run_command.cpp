@@ -44,7 +44,7 @@ struct RunOptions {
   int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 };
 
-/// Returns all assignments, including those of options that override a scene key of the same name.
+/// Returns the assignments of --set, and of options that override a scene key of the same name.
 std::vector<std::string> assignments(const RunOptions& o) {
   std::vector<std::string> all = o.assignments;
   const auto add = [&](const char* key, const std::optional<std::string>& value) {

@@ -34,8 +34,8 @@ std::string expected(const std::string& allowed, const Tree& tree) {
   return "expected " + allowed + ", got " + value_text(tree);
 }
 
-// Smaller differences from a minimum that is not allowed are typing errors, and their squares or
-// inverses overflow.
+// Least difference from a minimum that is not allowed itself. Values closer to the minimum are
+// probably typing errors, and their squares or inverses could overflow.
 constexpr double kLeastAbove = 1e-9;
 
 std::string allowed(const Rule& rule) {

@@ -135,7 +135,7 @@ inline auto declaration(Of<GroundMorphological>) {
                positive(600)));
 }
 
-/// Declares the background filter. In Python, and when points are filtered, it is a learnt model.
+/// Declares the background filter. The Python class is the model that is learnt from frames.
 inline auto declaration(Of<BackgroundFilter>) {
   using Filter = BackgroundFilter;
   return declare(

@@ -15,8 +15,8 @@ constexpr std::size_t kLeastRows = 8;  // LiDARs of a few lines may see less tha
 constexpr double kMostElevation_rad = kPi / 2 + 0.03;
 constexpr double kMostAzimuth_rad = 2 * kPi + 0.03;
 
-/// Returns the elevations of a unit's table, in the unit of the file. They are empty if all
-/// azimuths of a table of directions are not also in the range of radians.
+/// Returns the elevations of a unit's table, as the numbers in the file. The result is empty if an
+/// azimuth of a table of directions is too large to be in radians.
 std::vector<double> table_of(const PatternConfig& pattern) {
   std::vector<double> elevations;
   if (pattern.spinning && pattern.spinning->channels.count == 0)
@@ -34,8 +34,8 @@ std::vector<double> table_of(const PatternConfig& pattern) {
 constexpr double kMostSpacing_deg = 0.25;  // largest angle between two sub-rays
 constexpr double kLeastTable_s = 1;        // minimum period of a pattern that does not repeat
 
-/// Returns the number of turns of the azimuth in one pass through a table, which ends where it
-/// begins.
+/// Returns the number of turns of the azimuth from the first row of a table through all rows and
+/// back to the first row.
 double turns_of(std::span<const Vec2> directions) {
   double sum = 0;
   for (std::size_t i = 0; i < directions.size(); ++i)

@@ -66,8 +66,8 @@ void visit(Fields& f, BundleEntry& c) {
           "neither or both");
 }
 
-/// Whether the keys form a valid bundle. The price of a bundle of files is the sum of their prices;
-/// a bundle of whole units has its own price.
+/// Returns whether the keys form a valid bundle. A bundle of files must not have a price, because
+/// its price is the sum of the files' prices. A bundle of whole units must have a price.
 bool is_bundle(const LidarFile& c) {
   const auto files =
       std::ranges::count_if(c.bundle, [](const BundleEntry& e) { return e.lidar.has_value(); });
@@ -321,7 +321,7 @@ void set_rate(SpinningConfig& spinning, double rate_hz) {
   spinning.rate_hz = rate_hz;
   if (spinning.columns_per_turn)
     spinning.columns_per_turn = columns;
-  else if (columns)  // the step from which columns_per_turn finds the same fraction
+  else if (columns)  // columns_per_turn finds the same fraction from this step
     spinning.azimuth_step_deg =
         360.0 * static_cast<double>(columns->denominator) / static_cast<double>(columns->numerator);
   else

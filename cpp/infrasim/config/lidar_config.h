@@ -9,7 +9,7 @@
 #include "infrasim/core/fraction.h"
 #include "infrasim/core/geometry.h"
 
-// The LiDAR file, key by key, for one of its presets.
+// The keys of a LiDAR file, read for one of its presets.
 
 namespace infrasim {
 
@@ -29,9 +29,10 @@ struct Channel {
   double fire_time_us = 0;        ///< after the start of its column
   int column_step = 1;
   int first_column = 0;
-  /// detection range of this channel; without a value it is that of the LiDAR
+  /// detection range of this channel; without a value, the LiDAR's range applies
   std::optional<double> range_at_10_percent_m = std::nullopt;
-  std::optional<double> min_range_m = std::nullopt;  ///< without a value, that of the LiDAR
+  /// minimum range of this channel; without a value, the LiDAR's minimum range applies
+  std::optional<double> min_range_m = std::nullopt;
 };
 
 /// Channels from a file, or evenly spaced from upper to lower.
@@ -90,7 +91,7 @@ struct PrismConfig {
 struct PrismsConfig {
   double steps_per_s = 0;
   double period_s = kUsualPeriod_s;      ///< frame period
-  MotorPhase phase = MotorPhase::kFree;  ///< no vendor offers a lock
+  MotorPhase phase = MotorPhase::kFree;  ///< free, because no vendor offers a phase lock
   int first_step = 0;
   double focal_length = 1;
   std::vector<double>
@@ -138,7 +139,7 @@ inline constexpr double kLeastExponent = 0.25, kMostExponent = 0.5;
 struct DetectionConfig {
   double range_at_10_percent_m = 100;
   std::vector<PublishedRange> further_ranges;
-  /// only without further_ranges; default kLawExponent
+  /// allowed only without further_ranges; default: kLawExponent
   std::optional<double> law_exponent = std::nullopt;
   double steepness = 5;
 };
@@ -147,7 +148,8 @@ struct DetectionConfig {
 std::vector<PublishedRange> published_ranges(const DetectionConfig& detection);
 std::string range_text(const PublishedRange& r);
 
-/// Where a beam has sub-rays. Elsewhere it is a ray.
+/// Where a beam is cast as several sub-rays: near moving objects, or everywhere. Any other beam is
+/// cast as one ray.
 enum class BeamWhere { kMoving, kEverywhere };
 std::span<const char* const> enum_names(BeamWhere);
 
@@ -219,8 +221,8 @@ EchoMode echo_mode(const std::string& name);
 /// Sets the echo mode of all units.
 /// @throws ConfigError if a unit does not detect by received power, or does not offer the mode
 void set_echo_mode(LidarConfig& lidar, EchoMode mode);
-/// Returns the frame period of a LiDAR, which all its units have: one turn of a spinning unit, or
-/// the key period_s.
+/// Returns the frame period: one turn of a spinning unit, or the key period_s. All units of a LiDAR
+/// have the same period.
 double period_s(const PatternConfig& pattern);
 double period_s(const LidarConfig& lidar);
 /// Returns the common frame period of LiDARs; kUsualPeriod_s without a LiDAR.
@@ -228,7 +230,7 @@ double period_s(const LidarConfig& lidar);
 double period_s(std::span<const LidarConfig> lidars);
 
 /// Returns the LiDAR with another number of frames per second. The firing cycle of a spinning unit
-/// does not change, so that the number of its columns per turn does.
+/// does not change, so the number of columns per turn changes.
 /// @throws ConfigError if the rate is out of range, or gives no short fraction of columns
 LidarConfig with_rate(LidarConfig lidar, double rate_hz);
 

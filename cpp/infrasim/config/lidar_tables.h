@@ -10,7 +10,7 @@ namespace infrasim::config {
 /// Reads a table with the header `channel,elevation_deg,azimuth_offset_deg,fire_time_us`, in firing
 /// order. A blank offset or time means that the value is unpublished; it is read as 0. The columns
 /// `column_step`, `first_column`, `range_at_10_percent_m` and `min_range_m` may follow. A blank
-/// cell of them has the value of a table without the column.
+/// cell in one of these four columns has the same effect as a missing column.
 /// @throws ConfigError with file and line, IoError
 std::vector<Channel> read_channels(const std::filesystem::path& file);
 

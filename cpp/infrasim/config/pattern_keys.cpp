@@ -15,8 +15,8 @@ using config::required;
 
 namespace {
 
-// Tracing a ray through a prism takes about 0.1 us. The rays of a Livox Horizon pass through
-// 720,000 prisms per second.
+// Maximum number of passages of rays through prisms per second. A passage takes about 0.1 us of
+// computing time. A Livox Horizon has 720,000 passages per second.
 constexpr double kMostPassagesPerSecond = 1e7;
 
 }  // namespace
@@ -78,8 +78,8 @@ namespace {
 
 constexpr std::int64_t kLargest = 1'000'000'000;
 
-/// Returns the value of a number's shortest decimal text as an exact fraction; no value if that has
-/// numbers above kLargest.
+/// Returns the value of a number's shortest decimal text as an exact fraction; no value if the
+/// numerator or the denominator is above kLargest.
 std::optional<Fraction> decimal_fraction(double value) {
   for (std::int64_t power = 1; power <= kLargest; power *= 10) {
     const double scaled = value * static_cast<double>(power);
@@ -92,7 +92,7 @@ std::optional<Fraction> decimal_fraction(double value) {
   return std::nullopt;
 }
 
-/// Returns a / b; no value if that has numbers above kLargest.
+/// Returns a / b; no value if the numerator or the denominator of the result is above kLargest.
 std::optional<Fraction> ratio(const Fraction& a, const Fraction& b) {
   const std::int64_t x = std::gcd(a.numerator, b.numerator);
   const std::int64_t y = std::gcd(a.denominator, b.denominator);

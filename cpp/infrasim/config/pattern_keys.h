@@ -6,7 +6,8 @@
 
 namespace infrasim {
 
-// A frame must have at least one ray, and its rays must fit into memory.
+// Limits of the number of rays per second. A frame must have at least one ray, and its rays must
+// fit into memory.
 inline constexpr double kFewestPerSecond = 1 / kShortestPeriod_s;
 inline constexpr double kMostRaysPerSecond = 1e8;
 

@@ -12,7 +12,8 @@ namespace infrasim {
 template <class Fields>
 void visit(Fields& f, ReturnsConfig& c);
 
-/// Describes a mode that the sensor does not offer; empty if it does.
+/// Returns the error text for an echo mode that the sensor does not offer. The text is empty if the
+/// sensor offers the mode.
 std::string unoffered_mode(const EchoesConfig& echoes);
 
 }  // namespace infrasim

@@ -161,7 +161,7 @@ struct HedgeAlongConfig {
   double offset_m = 0;  ///< positive to the left of the centreline
   double height_m = 1.5;
   double width_m = 1;
-  double base_m = 0;  ///< above the road
+  double base_m = 0;  ///< height of the lower edge above the road
   double from_m = 0;
   double to_m = 1e9;
   double density_per_m = kHedgeDensity_per_m;
@@ -219,7 +219,8 @@ struct RoundaboutConfig {
 /// roundabout without signals.
 struct JunctionConfig {
   std::vector<std::string> roads;
-  std::optional<SignalConfig> signal;  ///< default values unless there is a roundabout
+  /// without a value, signals have the default timing; not allowed together with `roundabout`
+  std::optional<SignalConfig> signal;
   std::optional<RoundaboutConfig> roundabout;
   double left_share = 0.2;
   double right_share = 0.2;
@@ -250,7 +251,7 @@ struct ParkedConfig {
   double turn_deg = 0;    ///< relative to the road's direction
   double gap_m = 1;       ///< mean gap between two vehicles
   double occupied = 0.8;  ///< share of the spaces with a vehicle
-  double base_m = 0;      ///< above the road
+  double base_m = 0;      ///< height of the vehicles' base above the road
   std::map<std::string, double> class_shares;
   config::Place place;
 };
@@ -286,7 +287,7 @@ struct StandingPeopleConfig {
   config::Place place;
 };
 
-/// A mount's pose assumed by the fusion, minus its true pose.
+/// Error of a mount's pose in the fusion: the assumed pose minus the true pose.
 struct CalibrationError {
   double x_m = 0;
   double y_m = 0;
@@ -335,7 +336,8 @@ struct FilterConfig {
   FilterOf<BackgroundFilter> step;
 };
 
-inline constexpr const char* kFusedName = "fused";  ///< a folder name that no mount may have
+/// name of the folder of fused frames; if a scene has several mounts, none may have this name
+inline constexpr const char* kFusedName = "fused";
 inline constexpr double kLongestScene_s = 36000;
 inline constexpr double kSteepest = 0.15;  ///< maximum grade; steeper streets are rare
 /// free height over a road; trucks are up to 4.4 m high
@@ -415,7 +417,7 @@ std::size_t road_index(const SceneConfig& scene, const std::string& name,
 SceneConfig parse_scene(const std::string& text, const std::string& name,
                         const std::string& preset = "");
 
-/// Every key with its value, as YAML that reads back to the same scene.
+/// Returns every key with its value, as YAML. Reading this text gives the same scene.
 std::string dump_scene(const SceneConfig& scene);
 
 /// Like dump_scene, but with canonical names of keys. The text is the identity of the scene's

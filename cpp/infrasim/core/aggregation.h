@@ -10,8 +10,8 @@ namespace infrasim {
 /// How the rays of a frame sample the motion of objects.
 struct Aggregation {
   std::string word = "exact";  ///< the value of the key in the configuration
-  int slices = 0;  ///< number of frozen instants per frame; with 0, a ray sees the objects at its
-                   ///< own firing time
+  int slices = 0;  ///< number of frozen instants per frame; with 0, each ray meets the objects at
+                   ///< its own firing time
 };
 
 inline constexpr const char* kAggregationWords = "exact, instant or slices:N with N from 1 to 1000";

@@ -12,7 +12,7 @@ inline bool has_zero(const std::filesystem::path& file) {
   return file.native().find('\0') != std::string::npos;
 }
 
-/// largest size of a file of which all bytes are read at once; one of text is smaller
+/// maximum size of a file that is read at once
 inline constexpr std::uintmax_t kMostBytes = std::uintmax_t{4} << 30;
 
 /// The file to which a path leads through symbolic links. It need not exist.
@@ -28,8 +28,9 @@ void expect_regular(const std::filesystem::path& file);
 /// @throws IoError if it can't be read, ConfigError if it is a FIFO, a device or a socket
 std::ifstream open_file(const std::filesystem::path& file);
 
-/// All bytes of a file.
-/// @throws IoError if it can't be read, ConfigError if it is no regular file or has more bytes
+/// Returns all bytes of a file.
+/// @throws IoError if the file can't be read, ConfigError if it is not a regular file or has more
+///   than `most` bytes
 std::string read_file(const std::filesystem::path& file, std::uintmax_t most = kMostBytes);
 
 /// From now on, the process records which files it opens to read. A command calls it at its start,

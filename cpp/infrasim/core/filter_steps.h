@@ -82,7 +82,7 @@ struct GroundMorphological {
   double cell_m = 0.3;
   /// gaps between returns are filled along azimuth steps of this size
   double azimuth_cell_deg = 0.5;
-  double max_range_m = 300;  ///< at most 2000 cells
+  double max_range_m = 300;  ///< at most 2000 times cell_m
 };
 
 /// Parameters for learning a background. A cell should be about as large as the step between beams.
@@ -100,8 +100,8 @@ struct BackgroundFilter : BackgroundLearning {
   int frames = 20;
 };
 
-/// Any one of the filters. `Background` is the learning configuration in a scene file. When points
-/// are filtered, it is the learnt model.
+/// Any one of the filters. `Background` is the type of the background filter: the learning
+/// configuration in a scene file, or the learnt model when points are filtered.
 template <class Background>
 using FilterOf = std::variant<CropBox, CropPolygon, CropRange, CropFieldOfView, GroundHeight,
                               GroundPlane, GroundMorphological, Background>;

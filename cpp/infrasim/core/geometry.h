@@ -91,7 +91,7 @@ Box3d levelled(const Box3d& box);
 class BoxFrame {
  public:
   explicit BoxFrame(const Box3d& box);
-  /// The same, faster if the box has the heading and pitch of another one.
+  /// Like the constructor above, but faster if `box` has the heading and pitch of `other`.
   BoxFrame(const Box3d& box, const BoxFrame& other)
       : BoxFrame(box.heading == other.box_.heading && box.pitch == other.box_.pitch
                      ? other
@@ -110,7 +110,7 @@ class BoxFrame {
  private:
   Box3d box_;
   double cos_, sin_;  ///< cosine and sine of the heading
-  /// 1 and 0 for a level box, so that rotation by pitch adds no rounding
+  /// cosine and sine of the pitch; exactly 1 and 0 for a level box, which avoids rounding errors
   double cos_pitch_, sin_pitch_;
 };
 

@@ -16,7 +16,7 @@ struct RayBatch {
   std::vector<float> dx, dy, dz;  ///< unit direction, levelled frame
   std::vector<float> time;        ///< seconds since the start of the frame
   std::vector<std::uint16_t> ring;
-  /// metres; nearer hits are ignored; if the vector is empty, hits at all ranges count
+  /// minimum range of each ray, metres; if the vector is empty, hits at all ranges count
   std::vector<float> near;
   float max_range = 0;  ///< metres; farther hits count as misses
 
@@ -50,8 +50,9 @@ struct Hit {
 
 /// Nearest hit of each ray.
 struct HitBatch {
-  std::vector<float> range;          ///< metres; +inf: nothing hit
-  std::vector<float> cos_incidence;  ///< between ray and surface normal, [0, 1]
+  std::vector<float> range;  ///< metres; +inf: nothing hit
+  /// cosine of the angle between ray and surface normal, [0, 1]
+  std::vector<float> cos_incidence;
   std::vector<std::int32_t> object;  ///< index of the moving body; -1: background
   /// class of the background, even if a body hides it; 0 without background
   std::vector<std::uint16_t> class_id;

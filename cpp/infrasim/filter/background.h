@@ -39,7 +39,7 @@ BackgroundModel learn_background(std::span<const std::vector<float>> frames_xyz,
 
 /// Removes the background. Points in cells without background are kept, because those cells never
 /// had a return.
-/// @return indices of the points to keep, in increasing order, without points that are no returns
+/// @return indices of the points to keep, in increasing order; only returns are kept
 std::vector<int> keep(std::span<const float> xyz, const BackgroundModel& model);
 
 /// A model as bytes: the text line "infrasim-background 1"; int32 azimuth cells, elevation cells,

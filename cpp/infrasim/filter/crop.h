@@ -7,7 +7,7 @@
 
 namespace infrasim {
 
-/// Indices of the points to keep, in increasing order, without points that are no returns.
+/// Returns the indices of the points to keep, in increasing order. Only returns are kept.
 /// @param xyz  row-major points, metres, levelled LiDAR frame (origin at the sensor)
 /// @throws std::invalid_argument if a bound is NaN, a minimum exceeds its maximum, or a polygon has
 ///   no area

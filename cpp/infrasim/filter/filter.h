@@ -12,8 +12,8 @@ namespace infrasim {
 
 using FilterStep = FilterOf<BackgroundModel>;
 
-/// Indices of the points that one step keeps, in increasing order, without points that are no
-/// returns: NaN, infinite, or 0 0 0.
+/// Returns the indices of the points that one step keeps, in increasing order. Points that are not
+/// returns (NaN, infinite, or 0 0 0) are never kept.
 /// @param xyz  row-major points, metres, levelled LiDAR frame (origin at the sensor)
 /// @throws std::invalid_argument if a parameter of the step is out of its range
 std::vector<int> apply(const FilterStep& step, std::span<const float> xyz);

@@ -7,7 +7,7 @@
 
 namespace infrasim {
 
-/// Indices of the points to keep, in increasing order, without points that are no returns.
+/// Returns the indices of the points to keep, in increasing order. Only returns are kept.
 /// @param xyz  row-major points, metres, levelled LiDAR frame (origin at the sensor)
 /// @throws std::invalid_argument if a parameter is out of its range
 std::vector<int> keep(std::span<const float> xyz, const GroundHeight& ground);

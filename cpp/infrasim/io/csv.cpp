@@ -46,7 +46,7 @@ void CsvReader::next_line() {
   cell_ = next_cell_ = 0;
   stream_.getline(buffer_.data(), static_cast<std::streamsize>(buffer_.size()));
   if (stream_.bad()) throw IoError(name_ + ": can't be read");
-  // The count of a line that does not end the file has its line break.
+  // gcount() includes the line break, which only the last line of the file may lack.
   const bool is_last = stream_.eof(), is_cut = stream_.fail() && !is_last;
   const auto count = static_cast<std::size_t>(stream_.gcount());
   row_.assign(buffer_.data(), is_last || is_cut ? count : count - 1);

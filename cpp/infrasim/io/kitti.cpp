@@ -151,7 +151,7 @@ FrameCounts read_counts(const std::filesystem::path& lidar_folder, int frame) {
   CsvReader csv(lidar_folder / "training" / "objects" / (frame_name(frame) + ".csv"),
                 kObjectColumns, "pitch");
   while (csv.next_row()) {
-    csv.cell();  // id
+    csv.cell();  // skips the id
     const ObjectClass* object_class = find_class(csv.cell());
     for (int column = 2; column < 10; ++column) csv.cell();
     const double points = csv.number("points", 0, 1e9);

@@ -18,7 +18,7 @@ struct NpyTable {
 };
 
 /// Reads a C-ordered (rows, columns) array of float32 or float64, versions 1 to 3 of the format.
-/// @param least, most allowed number of columns
+/// @param least, most minimum and maximum number of columns
 /// @throws ConfigError if the file is not such an array, IoError if it can't be read
 NpyTable read_npy(const std::filesystem::path& file, std::size_t least, std::size_t most);
 

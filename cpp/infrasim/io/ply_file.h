@@ -21,9 +21,9 @@ inline constexpr double kFarthestVertex_m = 1e6;  ///< along an axis: map coordi
 /// Reads a .ply file, ascii or binary little-endian: x, y and z of the element `vertex`, and the
 /// list `vertex_indices` (or `vertex_index`) of `face`. Polygons become fans of triangles. Other
 /// elements and properties are skipped.
-/// @throws IoError if it can't be read; ConfigError, with line or byte, if it is not a .ply file or
-///   is truncated, if a coordinate is not a number within bounds, or if a vertex index does not
-///   exist
+/// @throws IoError if the file can't be read
+/// @throws ConfigError, with line or byte, for a file that is not .ply or is truncated, a
+///   coordinate that is not a number within bounds, or the index of a vertex that does not exist
 PlySurface read_ply(const std::filesystem::path& file);
 
 }  // namespace infrasim

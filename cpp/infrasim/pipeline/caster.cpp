@@ -114,9 +114,9 @@ std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& ve
   return cast;
 }
 
-/// Makes the rays of a part. Of a unit with a static layer, the batch has only rays that can give a
-/// point: those that may meet a body, and the candidates of the layer. Only rays that may meet
-/// something that the layer does not have get a direction now.
+/// Makes the rays of a part. With a static layer, the batch has only rays that can give a point:
+/// those that may meet a body or leaves, and the candidates of the layer. Candidates get no
+/// direction yet if the layer has all surfaces that they may meet.
 void Caster::make_rays(const Part& part) {
   const ScannerUnit& scanner = part.scanner;
   const int size = scanner.pattern.group_size();
@@ -208,7 +208,7 @@ std::size_t Caster::cast_beams(const Part& part) {
     cast_sub_rays(part, every, 0, beam.sub_rays());
     return cast + sub_rays_.size();
   }
-  // The other rays may meet bodies nearby.
+  // Rays without sub-rays can still meet bodies near the sensor.
   auto next = beams_.begin();
   std::erase_if(selected_, [&](std::uint32_t ray) {
     const bool beam_of_ray = next != beams_.end() && *next == ray;
@@ -243,7 +243,7 @@ void Caster::cast_sub_rays(const Part& part, std::span<const std::uint32_t> beam
     sub_[k] = {beams[(k - first) / n], shares[number]};
     sub_number_[k] = static_cast<std::uint8_t>(number);
   }
-  if (from > 0)  // the probes of these beams have other shares now
+  if (from > 0)  // the shares of the probes now belong to a beam with all its sub-rays
     for (const std::uint32_t b : beams)
       for (std::size_t j = 0; j < from; ++j) sub_[from * b + j].share = shares[j];
   sub_order_.resize(sub_rays_.size() - first);
@@ -259,7 +259,7 @@ void Caster::cast_sub_rays(const Part& part, std::span<const std::uint32_t> beam
   raycaster_.cast_bodies(sub_rays_, sub_order_, sub_hits_, true);
 }
 
-/// Removes the beams whose probes meet no moving object. Such a beam is its ray.
+/// Removes the beams whose probes meet no moving object. They are cast as one ray.
 void Caster::keep_beams_on_bodies(const Part& part) {
   const std::size_t n = part.scanner.beam->probes();
   std::size_t kept = 0;
@@ -297,7 +297,7 @@ std::vector<std::uint32_t> Caster::mixed_beams(const Part& part) const {
   return mixed;
 }
 
-/// Static hits of the sub-rays, which are those of their rays.
+/// Returns the static hits of the sub-rays. Each sub-ray has the static hit of its beam's ray.
 StaticSlice Caster::static_hits_of_beams() const {
   return {static_range_m_, static_gain_, static_class_, beam_of_};
 }
@@ -310,7 +310,7 @@ bool Caster::loses_rays(const Part& part) const {
 }
 
 /// Removes the rays that are lost at random, which need not be cast.
-/// @param numbers of rays of the part
+/// @param numbers numbers of rays of the part
 void Caster::leave_out_lost(const Part& part, std::vector<std::uint32_t>& numbers) const {
   std::erase_if(numbers, [&](std::uint32_t number) {
     return part.scanner.returns.loses(part.frame.at(part.first_ray + number));
@@ -516,7 +516,7 @@ void Caster::detect(const Part& part, FrameBuilder& out) {
 
 void Caster::collect(std::span<const MovingObject> objects, bool wide, FrameBuilder& out) const {
   out.reserve(returns_.size());
-  std::uint32_t before = ~0U;  // ray of the return before
+  std::uint32_t before = ~0U;  // ray of the previous return
   for (std::size_t n = 0; n < returns_.size(); ++n) {
     const std::uint32_t echo = returns_.echo[n], i = ray_of(echo);
     const std::int32_t object = echoes_.object[echo];

@@ -30,7 +30,7 @@ namespace infrasim {
 struct ScannerUnit {
   ScanPattern pattern;
   ReturnModel returns;
-  std::optional<Beam> beam;  ///< if rays have a divergence or give several points
+  std::optional<Beam> beam;  ///< present if rays have a divergence or give several points
   float max_range;
   double period_s;  ///< frame period
   Rng stream;       ///< random numbers of the unit
@@ -61,8 +61,8 @@ std::vector<ScannerUnit> make_scanner_units(const SceneConfig& scene, const Lida
 
 /// Casts the rays of LiDARs and converts hits to returns, one part of a frame after the other. The
 /// steps are: cast, stop in leaves, pass through panes, merge beams, detect. A beam that meets a
-/// moving object is processed as sub-rays, which all have the ray's static hit; another beam is its
-/// ray. A caster keeps its buffers between frames. Not thread-safe.
+/// moving object is cast as sub-rays, which all have the static hit of the middle ray. Any other
+/// beam is cast as one ray. A caster keeps its buffers between frames. Not thread-safe.
 class Caster {
  public:
   /// @param parts  parts of vehicles, for LiDARs that detect by received power
@@ -74,7 +74,7 @@ class Caster {
   /// are the same as when all rays are cast.
   void see_bodies_only() { bodies_only_ = true; }
 
-  /// Measures the stages of the following casts. The object must outlive them.
+  /// Measures the stages of all following casts. `times` must exist during these casts.
   void measure(StageTimes& times) { times_ = &times; }
 
   /// Adds the returns of the rays that the unit fires in one slice of frame k.
@@ -130,7 +130,7 @@ class Caster {
   bool bodies_only_ = false;
   StageTimes* times_ = nullptr;
   TransparentCaster transparent_;
-  RayBatch rays_;  ///< of a unit with a static layer, only rays that can give a point
+  RayBatch rays_;  ///< rays of the part; with a static layer, only those that can give a point
   std::vector<std::uint32_t> dynamic_;    ///< rays that need a direction before they are detected
   std::vector<std::uint32_t> static_;     ///< rays that need no direction before they are detected
   std::vector<std::uint32_t> position_;   ///< position in `rays_` of a dynamic ray, by its number
@@ -139,7 +139,7 @@ class Caster {
   HitBatch hits_;                         ///< hits of the rays, until they become echoes
   EchoBatch echoes_;                      ///< strongest echo of each ray, then `others_`
   std::vector<std::uint32_t> beams_;      ///< rays that have sub-rays
-  RayBatch sub_rays_;                     ///< of `beams_`: the probes, then the others
+  RayBatch sub_rays_;                     ///< sub-rays of `beams_`: the probes, then the others
   std::vector<SubRay> sub_;               ///< beam and share of each sub-ray
   std::vector<std::uint8_t> sub_number_;  ///< number of each sub-ray in its beam
   std::vector<std::uint32_t> sub_order_;
@@ -151,7 +151,7 @@ class Caster {
   std::vector<WeakerEcho> weaker_;     ///< other echoes of the sub-rays
   std::vector<WeakerEcho> others_;     ///< other echoes of the rays, by ray, then by strength
   std::vector<float> sunlit_;          ///< reflectance of the beams in sunlight
-  std::vector<std::uint32_t> number_;  ///< of the ray of each echo, if rays have several
+  std::vector<std::uint32_t> number_;  ///< ray of each echo, used if rays have several echoes
   std::vector<std::uint16_t> ring_;
   std::vector<std::uint8_t> rank_;  ///< number of each echo among those of its ray
   ReturnBatch returns_;

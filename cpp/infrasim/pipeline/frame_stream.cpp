@@ -6,8 +6,9 @@ namespace infrasim {
 
 namespace {
 
-/// @throws ConfigError if the scene has other values under the preset of a LiDAR, or if LiDARs have
-///   different periods
+/// Returns the LiDARs after checking that the scene was read for their preset.
+/// @throws ConfigError if a LiDAR has another preset than the scene and the scene file has a block
+///   for either preset, or if LiDARs have different periods
 std::vector<LidarConfig> of_its_preset(const World& world, std::vector<LidarConfig> lidars) {
   const auto has_block = [&](const std::string& preset) {
     return std::ranges::find(world.scene.preset_blocks, preset) != world.scene.preset_blocks.end();

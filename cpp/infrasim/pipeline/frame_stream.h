@@ -9,12 +9,13 @@
 namespace infrasim {
 
 /// Provides the frames of all LiDARs in order. Its threads compute further frames while the caller
-/// processes earlier ones. At most two finished frames per thread wait.
+/// processes earlier ones. At most two frames per thread are computed in advance.
 class FrameStream {
  public:
   /// The world must outlive the stream.
-  /// @throws ConfigError unless threads is 1 to kMostThreads, if the scene has a block for the
-  ///   LiDARs' preset but was read for another preset, and if the LiDARs have different periods
+  /// @throws ConfigError if the number of threads is not 1 to kMostThreads, if a LiDAR has another
+  ///   preset than the scene and the scene file has a block for either preset, or if the LiDARs
+  ///   have different periods
   FrameStream(const World& world, const std::vector<LidarConfig>& lidars, std::vector<int> frames,
               int threads);
 

@@ -61,7 +61,8 @@ std::string view_text(const LidarUnit& unit, const FieldOfView& view,
          pose + "}\n";
 }
 
-/// @param sensors number of LiDARs
+/// Returns the lines about preset and price.
+/// @param sensors number of copies of the LiDAR, which multiplies its price
 std::string price_text(const LidarConfig& lidar, std::size_t sensors) {
   const auto n = [&](double v) { return config::number_text(v * static_cast<double>(sensors)); };
   return "preset: \"" + lidar.preset + "\"\nprice_total_usd: {low: " + n(lidar.price_usd.low) +
@@ -142,8 +143,8 @@ void write_tables(const LidarConfig& lidar, const std::filesystem::path& folder)
   }
 }
 
-/// Checks that the LiDARs of a folder have the period of the run. A damaged lidar.yaml is reported
-/// by the run of its LiDAR.
+/// Checks that the LiDARs of a folder have the period of the run. A damaged lidar.yaml is skipped.
+/// A run of its LiDAR reports the damage.
 /// @throws IoError
 void check_same_period(const std::filesystem::path& folder, double period_s) {
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
@@ -179,7 +180,7 @@ void claim_folder(const RunRequest& request, const World& world,
     create_frame_folders(folder, request.scene.point_fields);
     claim_file(folder / "lidar.yaml", texts[i], lidar_identity);
   }
-  // last, because it changes a file of an existing folder
+  // This step is the last one, because it changes a file of an existing folder.
   const std::vector<int> frames = frame_numbers(request.frames);
   merge_trajectories(request.out / "trajectories.csv", world,
                      rows_of_run(request.scene, frames, period_s(request.lidars)));

@@ -27,7 +27,7 @@ inline constexpr int kMostThreads = 1024;
 struct Schedule {
   std::vector<int> frames;
   int threads = 1;
-  std::size_t ahead = 1;  ///< maximum number of frames that are computed or waiting
+  std::size_t ahead = 1;  ///< maximum number of started frames that are not yet fetched
   const std::atomic<int>* stop = nullptr;  ///< if its value is not 0, no further frame is started
   bool cast_all =
       false;  ///< whether static surfaces are cast in every frame, without static layers
@@ -45,7 +45,7 @@ class Scheduler {
   using WorkAtAll = std::function<Result(std::span<FrameSimulator>, int)>;
 
   /// The world must outlive the scheduler.
-  /// @throws ConfigError unless threads are 1 to kMostThreads
+  /// @throws ConfigError if the number of threads is not 1 to kMostThreads
   Scheduler(const World& world, std::vector<LidarConfig> lidars, Schedule schedule, Work work)
       : Scheduler(std::span(&world, 1), std::move(lidars), std::move(schedule),
                   [work = std::move(work)](std::span<FrameSimulator> simulators, int k) {
@@ -152,8 +152,8 @@ class Scheduler {
     }
   }
 
-  /// Returns the index of the next frame to compute. Waits as long as the maximum number of results
-  /// is ahead.
+  /// Returns the index of the next frame to compute; no value if there is none or after a stop.
+  /// Waits while `Schedule::ahead` frames are started but not yet fetched.
   std::optional<std::size_t> claim() {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [&] { return closed_ || started_ < taken_ + schedule_.ahead; });

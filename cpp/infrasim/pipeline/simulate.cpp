@@ -165,8 +165,8 @@ struct FrameSimulator::Impl {
 
 namespace {
 
-/// Returns whether a period of the pattern has at most as many rays as the seconds. If not, a
-/// static layer costs more than it saves.
+/// Returns whether a period of the pattern is at most as long as the simulated time. If it is
+/// longer, a static layer costs more time than it saves.
 bool pays(const ScanPattern& pattern, double seconds) {
   const double groups = seconds * pattern.groups_per_s();
   return static_cast<double>(pattern.repeats_after()) <= std::round(groups);

@@ -41,8 +41,8 @@ struct Observation {
   double visibility = 0;  ///< visible share, [0, 1]
 };
 
-/// Computes frames of several LiDARs of one frame period at one mount. Not thread-safe. The
-/// constructors throw ConfigError if the LiDARs have different periods.
+/// Computes frames of several LiDARs at one mount. The LiDARs must have the same frame period. The
+/// constructors throw ConfigError if the periods differ. Not thread-safe.
 class FrameSimulator {
  public:
   FrameSimulator(const World& world, std::span<const LidarConfig> lidars)
@@ -74,7 +74,7 @@ class FrameSimulator {
 
   const LidarFilters& filters() const;
 
-  /// Measures the stages of the following frames. The object must outlive them.
+  /// Measures the stages of all following frames. `times` must exist while they are computed.
   void measure(StageTimes& times);
 
  private:

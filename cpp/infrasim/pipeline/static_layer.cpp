@@ -20,7 +20,7 @@ constexpr std::int64_t kTileRays = kPacketRays;
 constexpr std::int64_t kLeastColumns =
     4;  // minimum number of columns in a block, so that a tile is as wide as it is high
 
-/// Bytes that ways through leaves may take: on average per ray, and in all.
+/// Maximum memory for the ways through leaves: bytes per ray on average, and bytes of all rays.
 constexpr std::size_t kLeafBytes = 12, kMostLeafBytes = std::size_t{16} << 20;
 
 constexpr std::size_t kWordBits = 64;

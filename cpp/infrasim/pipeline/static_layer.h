@@ -47,7 +47,7 @@ StaticHits cast_static(const ScanPattern& pattern, float max_range_m, Raycaster&
 
 /// Static hits of the rays of a batch.
 struct StaticSlice {
-  std::span<const float> range_m, gain;  ///< of consecutive rays of the pattern
+  std::span<const float> range_m, gain;  ///< hits of consecutive rays of the pattern
   std::span<const std::uint16_t> class_id;
   std::span<const std::uint32_t> number;  ///< number of each ray of the batch in these columns
 
@@ -98,7 +98,7 @@ class StaticLayer {
   void select(std::int64_t first_group, std::int64_t last_group, const BodyIndex& bodies,
               std::vector<std::uint32_t>& selected) const;
 
-  /// Whether a ray may meet a recorded surface.
+  /// Whether the hit of any ray is on a recorded surface.
   bool has_recorded() const { return has_recorded_; }
 
   std::size_t bytes() const;
@@ -111,7 +111,7 @@ class StaticLayer {
                      const Volumes& leaves, std::vector<std::uint32_t>& candidates);
 
   StaticHits hits_;
-  /// number of groups in a block; `order_` puts its neighbouring rays together
+  /// number of groups in a block, whose neighbouring rays are adjacent in `order_`
   std::int64_t block_groups_;
   std::vector<std::uint32_t> order_;  ///< order of the rays in a block; a tile is a packet of it
   std::vector<ViewBounds> tiles_;     ///< views of the tiles, block by block

@@ -50,7 +50,8 @@ struct Unit {
   Mat3 from_levelled;
   double agree_m = 0;  ///< maximum extent of a group of returns
   std::vector<RecordedLaser> rings;
-  double grid_cos = 0, grid_sin = 0;  ///< sums over points of their phase between two columns
+  /// sums of the cosine and sine of all points' phases, which are positions between two columns
+  double grid_cos = 0, grid_sin = 0;
   std::size_t points = 0;
 
   /// Returns the number of columns in a period. Some channels do not fire in every column.

@@ -142,7 +142,8 @@ std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std:
   for (const std::string& mount : mounts) views.push_back(scene_at_mount(scene, mount));
   const auto site = std::make_shared<const Site>(checked_site(scene));
   std::vector<bool> rows = rows_of_frames(frames, period_s, row_steps(scene.duration_s));
-  if (!scene.traffic) rows.assign(rows.size(), true);  // a run writes all of a recording
+  // A run writes all rows of recorded trajectories.
+  if (!scene.traffic) rows.assign(rows.size(), true);
   std::vector<bool> asked(rows.size());
   for (const SceneConfig& view : views) mark_true_rows(rows, clock_offset_s(view), asked);
   const auto last = std::find(asked.rbegin(), asked.rend(), true);

@@ -39,13 +39,13 @@ struct World {
   EvaluationRegion region;
   std::shared_ptr<const Trajectories> trajectories;  ///< in true time; all mounts share them
   std::shared_ptr<const SceneMeshes> meshes;
-  CastOrigin cast_origin;  ///< of the mount in the frame of the meshes
+  CastOrigin cast_origin;  ///< pose of the mount in the frame of the meshes
   Volumes leaves;
   std::map<std::string, StaticLayerFile> static_layers;  ///< static layers from files, by LiDAR
   /// if set, `trajectories` has no rows
   std::shared_ptr<LazyTrajectories> lazy_trajectories = nullptr;
-  double late_s = 0;  ///< clock offset of the mount: true time less the time of its clock
-  /// what is suspicious about the trajectories and meshes that were read, one line per finding
+  double late_s = 0;  ///< clock offset of the mount: true time minus the time of its clock
+  /// warnings about the trajectories and meshes that were read, one line each
   // NOLINTNEXTLINE(readability-redundant-member-init): GCC warns of initializers without it
   std::vector<std::string> warnings = {};
 
@@ -61,10 +61,13 @@ struct World {
   std::vector<MovingObject> objects_in_frame(int k, double period_s) const;
 };
 
-/// Returns which rows of 0.1 s in the time of a mount's clock the frames need: those around the
-/// begin and the end of each frame.
+/// Returns which trajectory rows the frames need. The rows are 0.1 s apart in the time of a mount's
+/// clock. The rows of a frame reach from the last row at or before its begin to the first row at or
+/// after its end.
 std::vector<bool> rows_of_frames(std::span<const int> frames, double period_s, int steps);
-/// Marks the rows of trajectories in true time from which marked rows of a late clock follow.
+/// Marks the trajectory rows in true time from which the marked `rows` in the time of a mount's
+/// clock are computed.
+/// @param late_s clock offset of the mount: true time minus the time of its clock
 void mark_true_rows(const std::vector<bool>& rows, double late_s, std::vector<bool>& true_rows);
 
 /// Builds the world of a scene at a mount.

@@ -43,7 +43,7 @@ struct MeshScene {
 
   /// Where a ray meets the plane of a triangle. Embree's own range depends on the processor, which
   /// approximates reciprocals.
-  /// @param normal of the triangle, of any length
+  /// @param normal normal of the triangle, of any length
   /// @param embree range that is used if the ray is parallel to the plane
   PlaneHit hit(std::uint32_t triangle, Vec3 normal, const BodyMotion::UnitRay& ray,
                float embree) const {
@@ -121,7 +121,7 @@ struct Packet {
 
 /// Whether a ray meets the unit box, in which the mesh of a body lies, between two ranges. Also
 /// true for some rays that pass slightly beside the box.
-/// @param margin by which the box is larger on each side
+/// @param margin length by which the box is enlarged on each side, along x, y and z
 bool meets_unit_box(const BodyMotion::UnitRay& ray, float from, float to,
                     const std::array<float, 3>& margin = {}) {
   constexpr float kHalf = 0.5F + 1e-3F;  // larger than rounding errors
@@ -216,10 +216,10 @@ RTCDeviceTy* MeshLibrary::device() const { return impl_->device; }
 struct Raycaster::Impl {
   const MeshLibrary::Impl& library;
   CastOrigin origin;
-  float cos, sin;  ///< of the origin's yaw
+  float cos, sin;  ///< cosine and sine of the origin's yaw
   std::vector<MovingBody> moving;
   std::vector<BodyMotion> motions;
-  std::vector<float> farthest_m;  ///< range beyond which no part of each body lies in the frame
+  std::vector<float> farthest_m;  ///< longest range of any part of each body during the frame
   BodyIndex index;
   float time_scale = 1;
   Horizon horizon;

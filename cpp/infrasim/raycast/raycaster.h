@@ -81,7 +81,8 @@ class Raycaster {
   void cast_bodies(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
                    bool incidence = true);
 
-  /// Finds the rays whose cone may meet a body before the ray's hit. `near` has them as in `order`.
+  /// Sets `near` to the rays whose cone may meet a body before the ray's hit. The rays keep their
+  /// order in `order`.
   /// @param range  range of each ray's hit; +inf: none
   /// @param spread tangent of half the cone's angle
   /// @param from_m bodies that stay nearer than this during the whole frame do not count

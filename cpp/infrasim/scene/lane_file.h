@@ -21,7 +21,7 @@ struct LanePath {
   std::vector<double> width_m;  ///< at each sample of the line
 
   /// Interpolates z or width_m at a station of the line.
-  /// @param less compares two stations; it is called about log2 of the number of samples times
+  /// @param less compares two stations; a binary search calls it about log2(samples) times
   template <class Less = std::less<>>
   double at(const std::vector<double>& values, double s, Less less = {}) const {
     const auto& stations = line.stations();

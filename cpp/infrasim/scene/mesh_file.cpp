@@ -22,7 +22,7 @@ bool is_flat(const PlySurface& surface, const std::array<std::uint32_t, 3>& corn
 constexpr double kMostRoads = 20;
 constexpr double kLeastRoads_m = 250;  // roads of short sites count as this wide
 constexpr double kMostRelief_m = 1000;
-constexpr double kTallest_m = 300;  // for surfaces that are taller than wide, such as poles
+constexpr double kTallest_m = 300;  // maximum height of surfaces that are taller than wide
 
 /// Returns the larger side of the rectangle around all roads and lanes.
 double size_of_roads(const Site& site) {

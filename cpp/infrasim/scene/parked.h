@@ -18,10 +18,11 @@ struct ParkedVehicle {
 };
 
 /// All parked vehicles of a scene, by increasing id, sampled from its seed. Each row is filled from
-/// one end to the other with gaps of 0.6 to 1.4 times the mean; some spaces stay empty. Vehicles
-/// parallel to the road face along the centreline on its right, and against it on its left, also if
-/// the road is one-way. Half of the vehicles at an angle are parked backwards.
-/// @param centrelines of the scene's roads
+/// one end to the other with gaps of 0.6 to 1.4 times the mean. Some spaces stay empty. Vehicles
+/// parallel to the road face in the direction of the centreline on its right, and in the opposite
+/// direction on its left, even on a one-way road. Half of the vehicles at an angle are parked
+/// backwards.
+/// @param centrelines centrelines of the scene's roads
 /// @throws ConfigError for a row of an unknown road, beyond its end, or with too many vehicles
 std::vector<ParkedVehicle> parked_vehicles(const SceneConfig& scene,
                                            std::span<const Curve> centrelines);

@@ -16,7 +16,7 @@ inline constexpr int kFirstPersonId = 1'500'000'000;  ///< larger than the ids o
 inline constexpr int kFirstStandingPersonId = 2'000'000'000;
 
 /// The line of a row of pedestrians or cyclists, from one end to the other.
-/// @param centreline of the road that the row names
+/// @param centreline centreline of the road that the row names
 /// @throws ConfigError for a row that begins beyond the road's end
 Curve people_line(const Curve& centreline, const PeopleConfig& row);
 

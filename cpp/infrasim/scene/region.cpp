@@ -37,7 +37,7 @@ EvaluationRegion::EvaluationRegion(const Site& site, const MountConfig& mount)
   for (const std::optional<Ring>& ring : site.network.rings) {
     if (!ring) continue;
     Curve along = ring->line(foot);
-    const double station = along.length() / 2;  // nearest to the foot
+    const double station = along.length() / 2;  // station nearest to the foot
     add_road(ring->name, std::move(along), station, ring->elevation_m, ring->config.width_m / 2);
   }
   for (const LanePath& lane : site.lanes) {

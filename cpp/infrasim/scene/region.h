@@ -44,7 +44,7 @@ class EvaluationRegion {
     double foot;  ///< station of the sensor's foot on `along`
     double elevation;
     double half_width;
-    CurveGrid grid;  ///< of the part in the region
+    CurveGrid grid;  ///< grid of the part of `along` in the region
   };
   void add_road(const std::string& name, Curve along, double foot, double elevation,
                 double half_width);

@@ -27,7 +27,8 @@ struct Road {
   const Curve& centreline;
 };
 
-/// @param centrelines of the scene's roads
+/// Returns the road with a name.
+/// @param centrelines centrelines of the scene's roads
 /// @param place       position of the entry that names the road
 /// @throws ConfigError if the name is unknown
 Road road_named(const SceneConfig& scene, std::span<const Curve> centrelines,

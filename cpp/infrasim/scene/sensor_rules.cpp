@@ -138,14 +138,14 @@ std::optional<double> lane_around(const Site& site, const Sensor& sensor) {
 
 constexpr double kHouse_m = 100;         // largest distance of a sensor from the walls around it
 constexpr std::size_t kDirections = 16;  // number of directions in which walls are searched
-// minimum number of directions with a wall inside a building; one may pass an opening
+// minimum number of directions with a wall inside a building; one direction may have an opening
 constexpr std::size_t kFewestWalls = 15;
 
-/// What is around a sensor in the meshes. Distances and heights are infinite if there is none.
+/// Surfaces of the meshes around a sensor. The height or distance of a missing surface is infinite.
 struct MeshesAround {
   double over = kInf;    ///< height above the sensor of the lowest road, footway or terrain
-  double under = -kInf;  ///< height of the highest one below the sensor
-  bool on_road = false;  ///< whether the highest one below the sensor is a road
+  double under = -kInf;  ///< height of the highest road, footway or terrain below the sensor
+  bool on_road = false;  ///< whether the surface at `under` is a road
   bool roof = false;     ///< whether a structure is above the sensor
   std::array<double, kDirections> walls;  ///< distances of structures at the sensor's height
 

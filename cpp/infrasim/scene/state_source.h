@@ -25,8 +25,9 @@ class StateSource {
   const std::vector<ObjectState>& standing() const { return standing_; }
   /// Returns whether objects may have a pitch. Their tables then have a column for the pitch.
   bool pitched() const { return site_.scene.profile || (recorded_ && recorded_->pitched); }
+  /// Passes the states of all instants to `sink`.
   void each(const StateSink& sink) const;
-  /// Like the function above, but stops after a number of instants.
+  /// Like the function above, but stops after `instants` instants.
   void each(const StateSink& sink, int instants) const;
 
  private:

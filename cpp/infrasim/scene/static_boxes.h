@@ -17,7 +17,7 @@ struct StaticBox {
 };
 
 /// Buildings, the legs and beams of gantries, and trunks of trees.
-/// @param centrelines of the scene's roads
+/// @param centrelines centrelines of the scene's roads
 /// @throws ConfigError for a gantry or trees of an unknown road or beyond its end
 std::vector<StaticBox> static_boxes(const SceneConfig& scene, std::span<const Curve> centrelines);
 

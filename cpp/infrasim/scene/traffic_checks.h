@@ -13,9 +13,9 @@ namespace infrasim {
 /// Describes the first overlap, with the number of all pairs.
 std::string overlap_text(const std::vector<Overlap>& overlaps);
 
-/// Finds what is suspicious about the objects of a scene, one instant after the other. Objects of
-/// any origin must not overlap. Recorded vehicles must also be on the height of their lane, point
-/// in the direction of their motion, and be longer than wide.
+/// Finds implausible objects of a scene, one instant after the other. No objects may overlap.
+/// Recorded vehicles must also be at the height of their lane, point in the direction of their
+/// motion, and be longer than wide.
 class TrafficChecks {
  public:
   /// @param site must outlive this object
@@ -34,8 +34,8 @@ class TrafficChecks {
     int movements = 0, sideways = 0;
     bool wide = false;   ///< wider than long
     int sampled = -1;    ///< instant at which the height was last tested
-    double above_m = 0;  ///< height above its lane when it was first off it
-    int first_off = -1;  ///< instant at which it was first off the height of its lane
+    double above_m = 0;  ///< height above its lane at the instant `first_off`
+    int first_off = -1;  ///< first instant at which it was off the height of its lane; -1: none
     int first_sideways = -1;
     Vec2 off_at, sideways_at;
   };

@@ -15,7 +15,7 @@ struct Vehicle {
   double dx = 0, dy = 0, dz = 0;
   double desired_speed = 0;
   double lateral = 0;      ///< offset of the driver from the lane's centre
-  double turn_choice = 0;  ///< uniform sample
+  double turn_choice = 0;  ///< uniform sample that selects the turn at a junction
   int lane = 0;
   int last_lane = -1;
   int next_lane = -1;

@@ -59,7 +59,7 @@ struct MovingObject {
 std::vector<MovingObject> objects_between(const std::vector<ObjectState>& before,
                                           const std::vector<ObjectState>& after);
 
-/// Passes row i of a table of instants.
+/// Returns row i of a table of instants.
 using RowOf = std::function<const std::vector<ObjectState>&(int)>;
 /// Returns the states at a position in the rows. They are those of a row, or they are interpolated
 /// in the two rows around the position and rounded. Objects must exist in both rows. Before the
@@ -128,7 +128,7 @@ class TrajectoryKeeper {
 
 /// Receives the states of a row, with its number.
 using RowSink = std::function<void(int, const std::vector<ObjectState>&)>;
-/// Passes rows with ascending numbers, as often as it is called.
+/// Passes all rows to the sink, with ascending numbers. It may be called several times.
 using RowSource = std::function<void(const RowSink&)>;
 
 /// Makes the text of trajectories.csv and passes it on in pieces of whole lines. The columns are

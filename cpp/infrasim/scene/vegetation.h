@@ -20,12 +20,12 @@ struct LeafVolume {
 bool holds(const LeafVolume& volume, Vec3 point);
 
 /// Hedges and crowns, world frame.
-/// @param centrelines of the scene's roads
+/// @param centrelines centrelines of the scene's roads
 /// @throws ConfigError for an unknown road, or a start beyond its end
 std::vector<LeafVolume> leaf_volumes(const SceneConfig& scene, std::span<const Curve> centrelines);
 
 /// The trunks of trees.
-/// @param centrelines of the scene's roads
+/// @param centrelines centrelines of the scene's roads
 /// @throws ConfigError for an unknown road, or a start beyond its end
 std::vector<StaticBox> trunks(const SceneConfig& scene, std::span<const Curve> centrelines);
 

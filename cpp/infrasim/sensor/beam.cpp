@@ -12,8 +12,9 @@ namespace {
 
 // sine; for rays closer to the vertical, rounding errors determine the axes
 constexpr double kAlongUp = 1e-6;
-constexpr int kSubRaysOfRing = 6;        // of the first ring; ring k has k times as many
-constexpr float kLeastRadius_m = 0.02F;  // of the outermost sub-rays
+constexpr int kSubRaysOfRing = 6;  // number of sub-rays in ring 1; ring k has k times as many
+// where the outermost sub-rays are closer than this to the middle, one ray replaces the beam
+constexpr float kLeastRadius_m = 0.02F;
 // If the ratio of a beam's axes is larger, the probes on the ring are the two ends of the longer
 // axis. Otherwise, they are every second sub-ray.
 constexpr double kLong = 3;
@@ -30,14 +31,16 @@ Beam::Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose)
   everywhere_ = config->where == BeamWhere::kEverywhere;
   const int rings = config->sub_rays / 2;
   const auto [narrow, wide] = std::minmax(config->horizontal_deg, config->vertical_deg);
-  const int probes = wide > kLong * narrow ? 2 : kSubRaysOfRing / 2;  // on the ring
-  const double parts = (2.0 * rings + 1) * (2 * rings + 1);           // of the middle's size
+  // number of probes besides the middle one
+  const int probes = wide > kLong * narrow ? 2 : kSubRaysOfRing / 2;
+  // area of the beam relative to the part of the middle sub-ray
+  const double parts = (2.0 * rings + 1) * (2 * rings + 1);
   const double left = math::tan(rad(config->horizontal_deg / 2));
   const double up = math::tan(rad(config->vertical_deg / 2));
   shares_[0] = static_cast<float>(1 / parts);
   for (int ring = 1; ring <= rings; ++ring) {
     const int n = kSubRaysOfRing * ring;
-    // The mean square radius of the ring, which reaches from 2 ring - 1 to 2 ring + 1.
+    // The radius is the root mean square over the ring, whose limits are 2 ring - 1 and 2 ring + 1.
     const double radius = std::sqrt((4.0 * ring * ring + 1) / parts);
     for (int i = 0; i < n; ++i) {
       // The first sub-ray is on the longer axis of the ellipse. In a single ring, the probes are
@@ -60,8 +63,8 @@ Beam::Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose)
   probe_shares_[0] = static_cast<float>(1 - on_ring);
 }
 
-/// Returns the unit vectors to the left of a ray and upwards in its frame. A vertical ray has the
-/// unit's left.
+/// Returns the unit vectors to the left of a ray and upwards in its frame. For a ray along the
+/// unit's z axis, left is the unit's y axis.
 std::array<Vec3, 2> Beam::axes_of(Vec3 ray) const {
   const Vec3 across = cross(up_, ray);
   const double sine = norm(across);

@@ -34,7 +34,8 @@ class Beam {
   /// Tangent of the angle between a ray and its outermost sub-rays.
   float half_width() const { return half_width_; }
 
-  /// Range from which a beam is wider than some 2 cm, so that it differs from a ray.
+  /// Range from which the outermost sub-rays are at least 2 cm from the middle ray. Bodies at
+  /// shorter ranges are cast with one ray.
   float from_m() const { return from_m_; }
 
   /// Whether all rays have sub-rays; otherwise only those near moving objects.

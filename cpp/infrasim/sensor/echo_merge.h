@@ -63,7 +63,7 @@ class EchoMerger {
 
   float separation_m_;
   EchoPath path_;
-  std::vector<PartialEcho> parts_;  ///< of one beam
+  std::vector<PartialEcho> parts_;  ///< partial echoes of one beam
 };
 
 }  // namespace infrasim

@@ -17,9 +17,9 @@ namespace {
 constexpr double kDayTolerance = 0.02, kNightTolerance = 0.04;
 /// Candidates for the crossover: 100 klx times 10^(i / 100), i from -100 to 100.
 constexpr int kSteps = 100;
-/// Misfits that differ by less are equally good.
+/// Maximum difference of two misfits that count as equally good.
 constexpr double kEquallyGood = 1e-6;
-/// Halvings of the interval in which the best exponent lies, to about 1e-6.
+/// Number of times that the interval of the best exponent is halved, down to about 1e-6.
 constexpr int kHalvings = 20;
 
 /// A published range under one crossover. The logarithm of the published range divided by the law's

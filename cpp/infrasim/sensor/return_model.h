@@ -21,7 +21,7 @@ struct ReturnBatch {
   std::vector<std::uint32_t> echo;  ///< index in the batch of echoes
   std::vector<float> range;         ///< metres, with noise
   std::vector<float> intensity;     ///< [0, 1]
-  std::vector<double> strength;     ///< of each echo, see `ReturnModel::strengths`
+  std::vector<double> strength;     ///< strength of every echo, see `ReturnModel::strengths`
 
   std::size_t size() const { return echo.size(); }
   void resize(std::size_t n) {
@@ -43,6 +43,7 @@ class ReturnModel {
   ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather,
               std::span<const Channel> channels = {}, int first_ring = 0);
 
+  /// Sets `out` to the echoes that become points.
   /// @param rng         stream of this unit and frame; ray i of the frame uses rng.at(i)
   /// @param first_ray   number within the frame of the ray from which `number` counts
   /// @param echoes      reflectance and gain are read only if needs_reflectance()
@@ -108,7 +109,7 @@ class ReturnModel {
     return by_ring_.empty() ? limits_ : by_ring_[static_cast<std::size_t>(ring - first_ring_)];
   }
 
-  ChannelLimits limits_;                ///< of channels without ranges of their own
+  ChannelLimits limits_;                ///< limits of channels without ranges of their own
   std::vector<ChannelLimits> by_ring_;  ///< empty if no channel has a range of its own
   std::vector<float> min_range_by_ring_m_;
   int first_ring_ = 0;

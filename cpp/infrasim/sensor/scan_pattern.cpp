@@ -359,8 +359,8 @@ std::vector<Channel> channels_by_ring(const SpinningConfig& spinning) {
 
 namespace {
 
-/// Returns the span of some azimuths (degrees). It goes through 180 degrees, and ends above 180, if
-/// this makes it narrower by more than kLeastGain_deg. Azimuths all round have no such span.
+/// Returns the span of some azimuths (degrees). A span across 180 degrees, which ends above 180, is
+/// used only if it is narrower than the other span by more than kLeastGain_deg.
 std::pair<double, double> azimuth_span(std::vector<double> azimuths) {
   constexpr double kLeastGain_deg = 1;
   std::ranges::sort(azimuths);

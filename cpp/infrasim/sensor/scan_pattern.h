@@ -116,8 +116,9 @@ class ScanPattern {
     double elevation_deg, shift_deg;  ///< the shift is in the direction of rotation
     double fire_time_s;               ///< after the start of the group
   };
-  std::vector<Shot> shots_;                       ///< the same lasers in double precision
-  std::vector<std::pair<float, float>> turns_;    ///< of each group of a period, if they are few
+  std::vector<Shot> shots_;  ///< `lasers_` in double precision
+  /// result of `turn` for each group of a period; empty without a period or with too many groups
+  std::vector<std::pair<float, float>> turns_;
   DirectionBatch lasers_of_step_;                 ///< directions before the prisms
   std::vector<std::pair<double, double>> tilts_;  ///< cosine and sine of the prisms' wedge angles
 };
