@@ -16,8 +16,8 @@ std::vector<LidarConfig> of_its_preset(const World& world, std::vector<LidarConf
   const std::string& read = world.scene.preset;
   for (const LidarConfig& lidar : lidars)
     if (lidar.preset != read && (has_block(lidar.preset) || has_block(read)))
-      throw ConfigError(lidar.name + ": preset: expected that one, got '" + lidar.preset +
-                        "' in a scene that was read for '" + read + "'");
+      throw ConfigError(lidar.name + ": preset: expected '" + read +
+                        "', for which the scene was read, got '" + lidar.preset + "'");
   return lidars;
 }
 
