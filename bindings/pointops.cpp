@@ -24,7 +24,8 @@ using Array = py::array_t<T, py::array::c_style>;
 template <typename T>
 void check_aligned(const Array<T>& array, const char* name) {
   if (reinterpret_cast<std::uintptr_t>(array.data()) % alignof(T) != 0)
-    throw std::invalid_argument(std::string(name) + ": expected aligned numbers, got others");
+    throw std::invalid_argument(std::string(name) +
+                                ": expected aligned numbers, got an unaligned array");
 }
 
 /// Returns the row-major values of an array with shape (n) or (n, columns).
@@ -130,7 +131,7 @@ void pillar_map(const Array<float>& points, std::pair<float, float> low, float m
   if (points.ndim() != 2 || map.ndim() != 3 || stride < 1 || stride > kMostStride)
     throw std::invalid_argument(
         "points, map, stride: expected shapes (n, columns) and (outputs, rows, columns) and a "
-        "stride of 1 to 16, got others");
+        "stride of 1 to 16, got different shapes or a different stride");
   const pointops::PillarGrid grid{.low_x = low.first,
                                   .low_y = low.second,
                                   .middle_z = middle_z,

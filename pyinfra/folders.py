@@ -91,7 +91,8 @@ def split(
     from pyinfra.dataset.split import by_random, by_seed, by_time, write
 
     if (by == "seed") != (val_data is not None):
-        raise Error("val_data: required if `by` is 'seed', and only allowed then")
+        wanted = "a data set" if by == "seed" else "no data set"
+        raise Error(f"val_data: expected {wanted} if `by` is '{by}', got {val_data or 'none'}")
     whole = read_data_set(path_of(data, "data"))
     if val_data is not None:
         validation = read_data_set(path_of(val_data, "val_data"))

@@ -80,12 +80,12 @@ class Cells {
 
 Balls ball_query(std::span<const float> points, std::span<const float> centres, float radius,
                  std::int64_t limit) {
-  if (!(radius > 0)) throw std::invalid_argument("radius: expected above 0");
+  if (!(radius > 0)) throw std::invalid_argument("radius: expected above 0, got 0 or less, or NaN");
   check_between("limit", limit, 1, kMostResults);
   const auto finite = [](float v) { return std::isfinite(v); };
   if (!std::all_of(points.begin(), points.end(), finite) ||
       !std::all_of(centres.begin(), centres.end(), finite))
-    throw std::invalid_argument("points, centres: expected finite values, got another");
+    throw std::invalid_argument("points, centres: expected finite values, got NaN or inf");
   const std::size_t balls = centres.size() / 3, most = static_cast<std::size_t>(limit);
   checked_product("centres x limit", {static_cast<std::int64_t>(balls), limit}, kMostResults);
   Balls result;

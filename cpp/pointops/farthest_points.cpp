@@ -125,7 +125,7 @@ std::vector<std::int64_t> farthest_points(std::span<const float> xyz, std::int64
   if (xyz.empty()) throw std::invalid_argument("xyz: expected at least one point, got none");
   check_between("count", count, 0, kMostResults);
   if (!std::all_of(xyz.begin(), xyz.end(), [](float v) { return std::isfinite(v); }))
-    throw std::invalid_argument("xyz: expected finite values, got another");
+    throw std::invalid_argument("xyz: expected finite values, got NaN or inf");
   Groups groups = grouped(xyz);
   std::vector<std::int64_t> chosen;
   Point point{xyz[0], xyz[1], xyz[2]};

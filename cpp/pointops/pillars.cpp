@@ -40,7 +40,7 @@ struct Members {
 std::int64_t cell_along(float at, float low, float side, std::int64_t cells) {
   const float cell = (at - low) / side;
   if (!(cell > -1 && cell < static_cast<float>(cells) + 1))
-    throw std::invalid_argument("points: expected points inside the grid, got others");
+    throw std::invalid_argument("points: expected points inside the grid, got a point outside");
   return std::min(static_cast<std::int64_t>(cell), cells - 1);
 }
 
@@ -175,7 +175,8 @@ void check(std::size_t points, std::size_t point_columns, const PillarGrid& grid
                      layer.weight.size() == 9 * width * channels;
   if (point_columns < 3 || points % point_columns != 0 ||
       kCoordinates + point_columns - 3 > kMostInputs || !sizes)
-    throw std::invalid_argument("points, weight, bias: expected shapes that fit, got others");
+    throw std::invalid_argument(
+        "points, weight, bias: expected shapes that fit, got shapes that do not fit");
   if (grid.rows < 1 || grid.columns < 1 || layer.stride < 1 || grid.rows % layer.stride != 0 ||
       grid.columns % layer.stride != 0 ||
       map != channels * static_cast<std::size_t>(grid.rows / layer.stride) *

@@ -85,7 +85,7 @@ std::vector<std::int64_t> suppress(std::span<const double> boxes, double iou, st
   if (limit < 0)
     throw std::invalid_argument("limit: expected 0 or more, got " + std::to_string(limit));
   if (!std::all_of(boxes.begin(), boxes.end(), [](double v) { return std::isfinite(v); }))
-    throw std::invalid_argument("boxes: expected finite values, got another");
+    throw std::invalid_argument("boxes: expected finite values, got NaN or inf");
   std::vector<std::int64_t> rows;
   std::vector<Footprint> kept;
   for (std::size_t i = 0; i < boxes.size() / 7; ++i) {

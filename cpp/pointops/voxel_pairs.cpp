@@ -87,7 +87,7 @@ namespace {
 void check_increasing(std::span<const std::int64_t> keys) {
   const auto at = std::ranges::adjacent_find(keys, std::ranges::greater_equal()) - keys.begin();
   if (at < std::ssize(keys))
-    throw std::invalid_argument("keys: expected increasing ones, got " + std::to_string(keys[at]) +
+    throw std::invalid_argument("keys: expected increasing keys, got " + std::to_string(keys[at]) +
                                 " before " + std::to_string(keys[at + 1]));
 }
 

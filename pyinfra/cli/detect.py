@@ -197,7 +197,7 @@ def _follow(args: argparse.Namespace) -> int:
         inputs = " ".join(map(str, args.inputs))
         raise Error(f"DATA: expected one folder with --follow, got {inputs}")
     if args.out is not None:
-        raise Error(f"--out: expected no folder with --follow, which prints tracks, got {args.out}")
+        raise Error(f"--out: expected no folder with --follow, got {args.out}; tracks are printed")
     model = model_file(args.model, args.checkpoint)
     check_single(model, accumulation_of(model).frames)
     site = place(None, args.height_m, args.region)
@@ -209,7 +209,7 @@ def _follow(args: argparse.Namespace) -> int:
             points = read_cloud(file)
         except FormatError as error:
             if not args.skip_bad:
-                raise FormatError(f"{error}; `skip_bad` leaves out clouds like this") from None
+                raise FormatError(f"{error}; `skip_bad` leaves out such clouds") from None
             warn(f"left out a cloud that cannot be read: {error}", args)
             points = np.empty((0, 4), dtype=np.float32)
         detections = detector.predict(points)
@@ -229,8 +229,8 @@ def _check(args: argparse.Namespace) -> None:
         raise Error(f"max_frames: expected 0 or more, got {args.max_frames}")
     if args.frames and args.frames.isdecimal():
         raise Error(
-            f"--frames: expected A:B[:STEP], got '{args.frames}'; a number of frames is "
-            f"--max-frames {args.frames}"
+            f"--frames: expected A:B[:STEP], got '{args.frames}'; for a number of "
+            f"frames, use --max-frames {args.frames}"
         )
     if args.frames and args.split:
         raise Error("--frames: use --frames or --split, not both")
@@ -249,7 +249,9 @@ def _check(args: argparse.Namespace) -> None:
         )
     args.inputs = [_folder_of(folder) for folder in folders] or args.inputs
     if folders and args.out is None:
-        raise Error("--out: expected a folder for the boxes, because DATA is a folder, got none")
+        raise Error(
+            "--out: expected a folder for the boxes, got none; it is required if DATA is a folder"
+        )
     if not folders and args.drop_standing:
         raise Error("--drop-standing: expected a LiDAR's folder as DATA, got files of point clouds")
     if not folders and (args.frames or args.max_frames or args.split):

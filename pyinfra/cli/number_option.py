@@ -47,7 +47,7 @@ def one_frame(text: str) -> int:
     """Parses the number of a single frame. For a range, the message names the option for ranges."""
     if not text.isdecimal():
         ranged = re.fullmatch(r"\d+:\d+(:\d+)?", text)
-        more = f"; a range of frames is --frames {text} of pyinfra view" if ranged else ""
+        more = f"; for a range of frames, use `pyinfra view --frames {text}`" if ranged else ""
         message = f"expected the number of one frame, got '{text[:60]}'{more}"
         raise argparse.ArgumentTypeError(message)
     return int(text)

@@ -32,7 +32,11 @@ add_arguments = usage(
 def run(args: argparse.Namespace) -> int:
     tables = statistics(args.data, args.out, above_road=args.above_road, accumulate=args.accumulate)
     if kernels is None:
-        print("the extension is not built: no lit_share, no angular_density", file=sys.stderr)
+        print(
+            "lit_share, angular_density: not computed, because the extension is not built; run "
+            "`make build` or install the wheel",
+            file=sys.stderr,
+        )
     for name in tables:
         print(args.out / f"{name}.csv")
     return 0

@@ -111,7 +111,8 @@ def run(args: argparse.Namespace) -> int:
         return _live(args, Tracker(settings))
     if args.out is None or args.out.suffix not in TRACK_FILES:
         ends = ", ".join(TRACK_FILES)
-        raise Error(f"out: expected a file name that ends in {ends}; got '{args.out or 'none'}'")
+        got = "none" if args.out is None else f"'{args.out}'"
+        raise Error(f"out: expected a file name that ends in {ends}; got {got}")
     folder = lidar_folder(args.data)
     everything = args.frames is None
     numbers = frame_numbers(folder, "all") if everything else frame_range(args.frames, folder)
@@ -122,7 +123,8 @@ def run(args: argparse.Namespace) -> int:
     print(_summary(tracks, frames))
     if not len(tracks):
         warn(
-            "no track was found; check that there are boxes and that the frame period is right",
+            "no track was found; check that the frames have boxes, and that the frame period is "
+            "right",
             args,
         )
     elif has_labels(folder) and (folder / "training/objects").is_dir():
@@ -149,7 +151,7 @@ def _live(args: argparse.Namespace, tracker: Tracker) -> int:
     """Prints a JSON line of tracks for each JSON line of boxes."""
     if args.out is not None or args.pred is not None:
         given = "--out" if args.pred is None else "PRED"
-        raise Error(f"DATA: expected `-` without PRED and --out, got {given}")
+        raise Error(f"{given}: expected no value if DATA is `-`, got {args.out or args.pred}")
     if isinstance(sys.stdin, io.TextIOWrapper):
         sys.stdin.reconfigure(errors="replace")  # a line that is not UTF-8 is reported as wrong
     arrivals = new_lines(sys.stdin, drop=not args.keep_all)

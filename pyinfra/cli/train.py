@@ -164,7 +164,7 @@ def check_mount(mount: str, scene: str | None) -> None:
     Training cannot simulate fused frames.
     """
     if mount and scene is None:
-        raise Error(f"--mount: expected --scene with it, got '{mount}' without --scene")
+        raise Error(f"--mount: expected no mount without --scene, got '{mount}'")
     if mount == "fused":
         raise Error(
             "--mount: expected the name of one mount, got 'fused'; to train on fused frames, run "
@@ -186,8 +186,8 @@ def _sources(args: argparse.Namespace, recipe: Recipe) -> list[Source] | Stream:
     if args.sites is not None:
         if accumulation.frames > 1:
             raise Error(
-                "--accumulate: expected 1 with --sites, which simulates single frames, got "
-                f"{accumulation.frames}"
+                f"--accumulate: expected 1 with --sites, got {accumulation.frames}; --sites "
+                "simulates single frames"
             )
         from pyinfra.models.training.generated_sites import read_stream
 

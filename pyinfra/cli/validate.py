@@ -41,8 +41,8 @@ def run(args: argparse.Namespace) -> int:
         _trust(args)
     elif args.unlabelled or args.out is not None:
         if args.pred is None:
-            raise Error("--unlabelled, --out: expected --pred with them, got none")
-        raise Error("--out: expected --unlabelled with it, because the frames have labels")
+            raise Error("--pred: expected a folder with --unlabelled or --out, got none")
+        raise Error("--out: use --out with --unlabelled, because the frames have labels")
     errors, warnings = ((findings.level == level).sum() for level in ("error", "warning"))
     print(f"{args.data}: {errors} errors, {warnings} warnings")
     return 1 if errors else 0

@@ -130,7 +130,7 @@ def _values_of(node: Any, known: dict[int, int]) -> int:
     yaml.MarkedYAMLError if there are too many, or if a node has an alias to itself.
     """
     if id(node) in known and known[id(node)] == 0:
-        problem = "expected no alias to a value that contains it, got one"
+        problem = "expected no value with an alias to itself, got one"
         raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
     if id(node) not in known:
         known[id(node)] = 0

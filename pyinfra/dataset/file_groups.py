@@ -63,4 +63,7 @@ def fail_with_line(files: Sequence[Path], read: Callable[[Path], object]) -> NoR
     """Reads the files one by one. One of them raises the error, which names file and line."""
     for file in files:
         read(file)
-    raise AssertionError(f"{files[0]}: each file can be read alone, but not the group")
+    raise AssertionError(
+        f"{files[0]} to {files[-1]}: expected an error in one of these {len(files)} files, got "
+        "none; as a group, the files cannot be read"
+    )

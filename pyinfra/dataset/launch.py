@@ -5,6 +5,10 @@ import sys
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[1]
+NO_BINARY = (
+    f"expected the program in {PACKAGE / 'bin'}, or a build in the source tree, got none; run "
+    "`make build` or install the wheel"
+)
 
 
 def binary() -> Path | None:
@@ -16,5 +20,5 @@ def binary() -> Path | None:
 def main() -> None:
     path = binary()
     if path is None:
-        sys.exit("infrasim: no binary beside the package; run `make build` or install the wheel")
+        sys.exit(f"infrasim: {NO_BINARY}")
     os.execv(path, ["infrasim", *sys.argv[1:]])

@@ -26,7 +26,7 @@ def infrasim(*words: str | Path) -> str:
     """
     binary = launch.binary()
     if binary is None:
-        raise SimulatorError("infrasim: no binary; run `make build` or install the wheel", 1)
+        raise SimulatorError(f"infrasim: {launch.NO_BINARY}", 1)
     done = subprocess.run([binary, *words], capture_output=True, text=True, check=False)
     if done.returncode != 0:
         last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]

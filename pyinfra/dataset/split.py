@@ -43,7 +43,7 @@ def by_time(
     val. Raises Error if both parts overlap or one part is empty.
     """
     if val_from_s < train_until_s:
-        raise Error(f"val: expected a start of {train_until_s:g} s or later, got {val_from_s:g} s")
+        raise Error(f"val_from_s: expected {train_until_s:g} or more, got {val_from_s:g}")
     starts = [round(frame * period_s, 6) for frame in frames]
     pairs = list(zip(frames, starts, strict=True))
     split = Split(

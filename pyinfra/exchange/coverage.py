@@ -38,7 +38,7 @@ class Coverage:
         """Returns the estimated field of view. Raises Error if there was no return."""
         rows = np.flatnonzero(self.elevation)
         if len(rows) == 0:
-            raise Error("expected a return in at least one frame, got none")
+            raise Error("frames: expected one or more frames with a return, got none")
         low, high = float(rows[0] - 90), float(rows[-1] + 1 - 90)
         return FieldOfView(
             yaw=0.0,

@@ -70,7 +70,7 @@ def write_lidar(
     if no frame has a return.
     """
     if facts.tilt and recording.tilt:
-        raise Error("expected the tilt in the recording or in the options, got a tilt in both")
+        raise Error("tilt_deg: expected no value for a recording that has a tilt, got one")
     tilt = recording.tilt or facts.tilt or (0.0, 0.0)
     T_levelled_sensor = Rotation.from_euler("ZYX", [0, *tilt]).as_matrix()
     numbers = recording.numbers()
@@ -82,7 +82,7 @@ def write_lidar(
             frame = recording.read(i)
         except FormatError as error:
             if not skip_bad:
-                raise FormatError(f"{error}; `skip_bad` leaves out frames like this") from None
+                raise FormatError(f"{error}; `skip_bad` leaves out such frames") from None
             summary.bad.append(f"frame {recording.names[i]}: {error}")
             continue
         if strict and frame.boxes.left_out:

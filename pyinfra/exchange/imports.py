@@ -183,8 +183,8 @@ def check_data_folder(out: Path) -> None:
     other = next((name for name in names if not name.startswith(".") and name != out.name), None)
     if other is not None:
         raise Error(
-            "out: expected DATA/LIDAR, where DATA is a data set, an empty folder or does not "
-            f"exist, got the folder {data} with '{other}'; use for example {out / NAME}"
+            "out: expected DATA/LIDAR, with a new folder, an empty folder or a data set as DATA, "
+            f"got the folder {data} with '{other}'; use for example {out / NAME}"
         )
 
 

@@ -41,15 +41,15 @@ def read_las(file: Path) -> Records:
             if count > most:
                 raise FormatError(
                     f"{file}: expected at most {most} points in a LAS file of this size, got "
-                    f"{count}; save it again, for example with PDAL"
+                    f"{count}; save the file again, for example with PDAL"
                 )
             cloud = stream.read()
     except FormatError:
         raise
     except Exception as error:  # laspy raises many types for damaged files
         raise FormatError(
-            f"{file}: cannot be read as LAS or LAZ: {str(error)[:200]}; save it again, for example "
-            "with PDAL or CloudCompare"
+            f"{file}: cannot be read as LAS or LAZ: {str(error)[:200]}; save the file again, for "
+            "example with PDAL or CloudCompare"
         ) from None
     names = {name.lower(): name for name in cloud.point_format.dimension_names}
     present = [name for name in FIELDS if name in names]

@@ -122,7 +122,7 @@ def parts_of(lidar_folder: Path, frames: Sequence[int]) -> dict[str, list[int]]:
     in_both = set(numbers.get("train", ())) & set(numbers.get("val", ()))
     if in_both:
         raise FormatError(
-            f"{listed['val']}: expected no frame of train.txt, got frame {min(in_both)}"
+            f"{listed['val']}: expected frames that are not in train.txt, got frame {min(in_both)}"
         )
     parts = {part: sorted(set(frames) & set(members)) for part, members in numbers.items()}
     parts["all"] = sorted(set(frames).difference(*numbers.values()))

@@ -278,7 +278,8 @@ def _boxes(tables: Tables, rows: list[Row], pose: Pose) -> Boxes:
         location = f"{tables.folder / table}.json: row '{row['token']}'"
         if str(instance["token"]) in instances:
             raise FormatError(
-                f"{location}: expected each instance_token once in a sample, got this token twice"
+                f"{location}: expected each instance_token once in a sample, got "
+                f"'{instance['token']}' twice"
             )
         instances.add(str(instance["token"]))
         centre = back @ (tables.numbers(table, row, "translation", 3) - pose.origin)
@@ -337,7 +338,9 @@ def _results(file: Path, rows: list[Row], pose: Pose) -> Boxes:
         names = np.array([row["detection_name"] for row in rows], np.str_)
         scores = np.array([row["detection_score"] for row in rows], float)
     except (KeyError, TypeError, ValueError) as error:
-        raise FormatError(f"{file}: expected boxes of nuScenes' results, got {error!r}") from None
+        raise FormatError(
+            f"{file}: expected boxes of nuScenes' results, got a missing or wrong value: {error!r}"
+        ) from None
     ahead = (back * turns).apply([1.0, 0, 0]) if rows else np.empty((0, 3))
     centres = back.apply(centres - pose.origin) if rows else centres
     heading = np.arctan2(ahead[:, 1], ahead[:, 0])

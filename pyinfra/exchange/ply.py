@@ -89,5 +89,9 @@ def _header(file: Path, stream: BinaryIO) -> tuple[str, int, list[tuple[str, str
         elif words and words[0] not in ("property", "comment", "obj_info"):
             fail(file, f"expected format, element or property, got '{words[0][:20]}'", number)
     if not encoding or count < 0 or not kinds or elements[0] != "vertex":
-        fail(file, "expected a header with format, then the element vertex and its properties")
+        fail(
+            file,
+            "expected a header with a format and then the element vertex with properties, got a "
+            "header without one of them or in another order",
+        )
     return encoding, count, kinds

@@ -146,9 +146,9 @@ def check_region(file: Path, region: Region, recording: Recording, estimate: Sur
             return
         reach = max(reach, float(np.abs(xyz[:, :2]).max(initial=0)))
     raise Error(
-        f"{file}: outline_m: expected an outline with returns inside, in metres from the sensor, "
-        f"got no return inside in {len(chosen)} frames; all returns have x and y within "
-        f"{reach:.0f} m"
+        f"{file}: outline_m: expected one or more returns inside the outline, got none in "
+        f"{len(chosen)} frames; the outline must be in metres from the sensor, and all returns "
+        f"have x and y within {reach:.0f} m"
     )
 
 
@@ -200,8 +200,8 @@ def _with_road(
     assumed = list(estimate.assumed)
     if up[0] != "z" and labelled:
         raise Error(
-            f"{source}: expected z up in clouds with labels, because `heading` turns about z; got "
-            f"{up}"
+            f"{source}: expected z up in clouds with labels, got {up}; the `heading` of a label "
+            "is an angle about z"
         )
     if up != "z up":
         assumed.append(
@@ -271,7 +271,7 @@ def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey
     if height is None or height < LOWEST_M:
         raise Error(
             f"{source}: expected the road {LOWEST_M:g} m or more below the origin, got "
-            f"{plane.height_m:.2f} m: if the origin is on the road, set `height_m` to the height "
+            f"{plane.height_m:.2f} m; if the origin is on the road, set `height_m` to the height "
             "of the sensor above the road"
         )
     text = (
@@ -290,8 +290,8 @@ def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
     """
     if MILLIMETRES in estimate.assumed:
         raise Error(
-            f"{source}: expected coordinates with the sensor near the origin and the road below; "
-            f"in millimetres, as assumed, they do not fit: {why}. `unit_m` sets the unit"
+            f"{source}: expected the road {LOWEST_M:g} m or more below the origin, got coordinates "
+            f"that do not fit in millimetres, as assumed: {why}; `unit_m` sets the unit"
         )
 
 
@@ -312,9 +312,9 @@ def _as_given(
     near_given = find_plane(clouds, near) if not facts.tilt else None
     if near_given is None or near_given.share < LEAST_SHARE or near_given.score < plane.score / 3:
         raise Error(
-            f"{source}: height_m: expected a height within {off:.2g} m of the estimated height, "
-            f"{plane.height_m:.2f} m above the road, got {facts.height_m:g}; without `height_m`, "
-            "the estimate is used"
+            f"{source}: height_m: expected a height within {off:.2g} m of the estimate of "
+            f"{plane.height_m:.2f} m, got {facts.height_m:g}; without `height_m`, the estimate is "
+            "used"
         )
     return near_given
 

@@ -205,8 +205,8 @@ def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
     for file in clouds:
         if stem(file) not in want:
             raise Error(
-                f"{file}: expected a label file for each cloud (an empty file if it has no "
-                "object), got none for this cloud"
+                f"{file}: expected a label file for each cloud, got none for this cloud; write an "
+                "empty label file for a cloud without objects"
             )
 
 

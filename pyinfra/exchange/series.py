@@ -89,7 +89,7 @@ def read_frames(series: FrameSeries, numbers: Sequence[int]) -> Iterator[StoredF
     named = NEW_IDS if series.ids_are_tracks else 0
     for number in numbers:
         if number <= before:
-            raise Error(f"expected ascending frame numbers, got {number} after {before}")
+            raise Error(f"frames: expected ascending frame numbers, got {number} after {before}")
         points = kitti.read_points(kitti.frame_file(folder, "velodyne", number))
         objects = _boxes(series, number, points)
         unknown = objects.ids < 0

@@ -119,10 +119,11 @@ def _check_maker(file: Path) -> None:
         raise FormatError(f"{file}: cannot be read as .pcap: {str(error)[:200]}") from None
     if any(size in OUSTER_BYTES for size in sizes):
         raise Error(_other(file, "Ouster", f"`ouster-cli source {file.name} save out.bag`"))
+    listed = ", ".join(map(str, sorted(sizes)[:6]))
     raise Error(
         f"{file}: expected packets of a Velodyne LiDAR ({velodyne.PACKET_SIZE} bytes) in .pcap, "
-        f"got packets of {', '.join(map(str, sorted(sizes)[:6])) or 'no'} bytes; record the "
-        "PointCloud2 of the sensor's driver to a bag, or save clouds as .pcd"
+        f"got {f'packets of {listed} bytes' if listed else 'no packets'}; record the PointCloud2 "
+        "of the sensor's driver to a bag, or save clouds as .pcd"
     )
 
 

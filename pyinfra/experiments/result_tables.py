@@ -335,7 +335,7 @@ def _check_key(file: Path, table: pd.DataFrame, key: tuple[str, ...]) -> None:
     for name in here:
         empty = table[name] == ""
         if empty.any():
-            raise Error(f"{file}:{empty.idxmax() + 2}: {name}: expected a name, got nothing")
+            raise Error(f"{file}:{empty.idxmax() + 2}: {name}: expected a name, got an empty cell")
     twice = table.duplicated(here) if here else table.index < 0
     if twice.any():
         row = int(np.flatnonzero(twice)[0])

@@ -118,9 +118,10 @@ def rows_of_names(file: Path, table: BoxTable, names: Sequence[str]) -> dict[str
         if name is None and (whole := word.removesuffix(".0")).isdecimal():
             name = numbers.get(int(whole))
         if name is None:
+            example = f", such as {names[0]}" if names else ""
             raise FormatError(
                 f"{file}:{table.lines[i]}: {table.columns['frame']}: expected the name or number "
-                f"of a cloud, such as {names[0] if names else 'none'}, got '{word[:40]}'"
+                f"of a cloud{example}, got '{word[:40]}'"
             )
         rows.setdefault(name, []).append(i)
     return {name: np.array(values, dtype=np.int64) for name, values in rows.items()}

@@ -96,7 +96,7 @@ class NamedRows:
             if len(row) != len(columns):
                 self.fail(i, f"{len(row)}", f"{len(columns)} columns ({' '.join(columns)})")
             if not row[at]:
-                self.fail(i, "nothing", "a name", name_column)
+                self.fail(i, "an empty cell", "a name", name_column)
         self.names: NameArray = np.array([row[at] for row in rows], dtype=np.str_)
         cells = [[*row[:at], *row[at + 1 :]] for row in rows]
         try:
@@ -148,7 +148,7 @@ def rows_by_name(
         raise FormatError(f"{file}: {error}") from None
     if not rows or rows[0] != list(columns):
         header = ",".join(rows[0]) if rows else ""
-        raise FormatError(f"{file}:1: expected '{','.join(columns)}', got '{header}'")
+        raise FormatError(f"{file}:1: expected the header '{','.join(columns)}', got '{header}'")
     table = NamedRows(file, range(2, 1 + len(rows)), rows[1:], columns, columns[0])
     table.check(rules)
     if len(rows) == 1:

@@ -175,8 +175,8 @@ def evaluated(
         )
     if settings.min_points > 1 and not truth.has_objects:
         raise Error(
-            "min_points: expected 1 for labels, which do not have numbers of points, got "
-            f"{settings.min_points}"
+            f"min_points: expected 1 for labels, got {settings.min_points}; labels have no "
+            "numbers of points"
         )
     types, numbers = settings.types, sequence.numbers
     of_types = truth.vehicles.select(np.isin(truth.vehicles.names, types))

@@ -104,8 +104,8 @@ def read_place(folder: Path, which: Subset) -> Place:
         digest = str(rows.vehicles_digest.iloc[0])
         if digest in tables:
             raise Error(
-                f"{file}: expected different seeds, got two evaluations of the same vehicles and "
-                "frames"
+                f"{file}: expected different seeds, got the same vehicles and frames as in "
+                f"{tables[digest]['ap_r1000']['origin']}"
             )
         ap = read_csv(file.with_name("ap.csv"), required=("protocol", "ground_truth", "objects"))
         metric = str(ap.protocol.iloc[0]).partition("-")[2] or "bev"

@@ -275,7 +275,9 @@ def aggregation_change(before: Observations, after: Observations, blocks: Blocks
     per vehicle), change_percent, ci_low, ci_high. Raises Error if the LiDARs differ.
     """
     if before.lidars != after.lidars:
-        raise Error(f"expected the same LiDARs, got {before.lidars} and {after.lidars}")
+        raise Error(
+            f"expected the same LiDARs in both tables, got {before.lidars} and {after.lidars}"
+        )
     a, b = (t.select(m) for t, m in zip((before, after), same_rows(before, after), strict=True))
     a, b = a.select(moving(a)), b.select(moving(a))
     rows = []

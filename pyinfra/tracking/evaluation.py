@@ -104,7 +104,7 @@ def evaluate_tracks(
     truth = true_objects(frames)
     if not len(truth):
         raise Error(
-            "frames: expected objects of simulated frames, to compare the tracks with, got none"
+            "frames: expected objects of simulated frames, got none; tracks are compared with them"
         )
     if isinstance(frames, RecordedFrames) and not ids_are_tracks(data_set_of(frames.folder)):
         raise UnknownIds("frames: expected a track id for each vehicle, got `ids: unknown`")

@@ -40,7 +40,7 @@ def read_tracks(file: Path) -> pd.DataFrame:
         if wrong.any():
             kind = "a whole number" if name in whole else "a number"
             row = int(wrong.to_numpy().argmax())
-            got = f"{column[row]:g}".replace("nan", "nothing")
+            got = f"{column[row]:g}".replace("nan", "an empty cell")
             raise FormatError(f"{file}:{row + 2}: {name}: expected {kind}, got {got}")
     if table.duplicated(["frame", "id"]).any():
         row = int(table.duplicated(["frame", "id"]).idxmax())
@@ -52,7 +52,7 @@ def read_tracks(file: Path) -> pd.DataFrame:
         row = int(twice.idxmax())
         got = f"{table.t_s[row]:.6f} in frame {table['frame'][row]:g}"
         raise FormatError(
-            f"{file}:{row + 2}: t_s: expected one time for each frame, and another for each other "
-            f"frame, got {got}"
+            f"{file}:{row + 2}: t_s: expected one time for each frame, different from the times of "
+            f"other frames, got {got}"
         )
     return table.astype(dict.fromkeys(numbers, "float64") | dict.fromkeys(whole, "int64"))

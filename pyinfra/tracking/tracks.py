@@ -115,7 +115,7 @@ def frame_times(
     present = np.unique(frame).astype(np.int64)
     if frames is not None:
         if period_s is not None:
-            raise Error("period_s: use `period_s` or `frames`, which have a period, not both")
+            raise Error("period_s: use `period_s` or `frames`, not both; `frames` have a period")
         numbers = np.array(sorted(frames.numbers), dtype=np.int64)
         if len(other := np.setdiff1d(present, numbers)):
             raise Error(f"detections: expected boxes of `frames`, got a box of frame {other[0]}")

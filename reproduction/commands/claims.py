@@ -62,7 +62,8 @@ def of_results(folder: Path, tier: str | None) -> pd.DataFrame:
     chosen = read_results(folder, tier).tier
     if chosen == "smoke":
         raise Error(
-            f"{folder}: tier: expected quick or full, got smoke, whose networks test no claim"
+            f"{folder}: tier: expected quick or full, got smoke; networks of the smoke tier are "
+            "trained for too few steps to test claims"
         )
     files = {name: folder / f"{chosen}_{name}.csv" for name in ("replicates", "value")}
     files |= {

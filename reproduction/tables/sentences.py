@@ -39,7 +39,9 @@ OPEN = (UNDECIDED, NOT_KNOWN)
 def known(condition: bool, sentence: str) -> str:
     """Returns a sentence that the tables support. Raises Error if they do not."""
     if not condition:
-        raise Error(f"results/: expected tables that support this sentence, got others: {sentence}")
+        raise Error(
+            f"results/: expected tables that support this sentence, got other values: {sentence}"
+        )
     return sentence
 
 

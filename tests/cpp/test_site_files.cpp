@@ -116,14 +116,14 @@ TEST_F(SiteFiles, ABinaryFileHoldsTheSame) {
   EXPECT_EQ(surface.triangles[0], face);
   const std::string whole = bytes.str();
   expect_within(ply_error(whole.substr(0, whole.size() - 3)), ": byte ");
-  expect_within(ply_error(whole.substr(0, whole.size() - 3)), "is it cut short?");
+  expect_within(ply_error(whole.substr(0, whole.size() - 3)), "the file may be truncated");
   expect_within(ply_error(whole + "x"), "got bytes after the last element");
 }
 
 TEST_F(SiteFiles, WrongSurfacesAreNamedWithTheirLine) {
   const std::vector<std::pair<std::string, std::string>> wrong{
       {"", ":1: expected a .ply, got the end of the file in its header"},
-      {"solid\n", ":1: expected a .ply, got no 'ply'"},
+      {"solid\n", ":1: expected 'ply' in the first line, got other text"},
       {with("ascii", "binary_big_endian"),
        ":2: expected ascii, binary_little_endian, got format binary_big_endian"},
       {with("format ascii 1.0\n", ""), "got no format"},
@@ -139,23 +139,27 @@ TEST_F(SiteFiles, WrongSurfacesAreNamedWithTheirLine) {
        "number up to 1000000 either way"},
       {with("2 2 1 255", "2 two 1 255"), ":14: expected a number, got 'two'"},
       {with("4 0 1 2 3\n", "4 0 1 2 9\n"),
-       ":16: expected corners by their number, got one that is none of the 4 vertices before it"},
+       ":16: expected a corner to be the number of a vertex, got a number that is none of the 4 "
+       "vertices before it"},
       {with("4 0 1 2 3\n", "2 0 1\n"), "got a face of 2 corners"},
-      {with("4 0 1 2 3\n", "4 0 1\n"), "is it cut short?"},
+      {with("4 0 1 2 3\n", "4 0 1\n"), "the file may be truncated"},
       {with("4 0 1 2 3\n", "4 0 1 2 3 7\n"), "got bytes after the last element"},
-      {with("vertex_indices", "corners"), "expected faces with vertex_indices, got others"},
+      {with("vertex_indices", "corners"),
+       "expected faces with vertex_indices, got a face without them"},
       {with("property double x\n", ""),
        ":11: expected metres from the site's origin, got a vertex whose x, y or z is missing or no "
        "number up to 1000000 either way"},
-      {with("property float y", "property double x"), ":6: expected once, got property 'x' twice"},
+      {with("property float y", "property double x"),
+       ":6: expected each property once, got 'x' twice"},
       {with("property float y", "property int y"),
        ":6: expected float or double, got y of another type"},
       {with("uchar int vertex", "uchar float vertex"),
        ":10: expected whole numbers, got corners of type float"},
       {with("uchar int vertex", "float int vertex"),
        ":10: expected whole numbers, got a list whose length is of type float"},
-      {with("element face 1", "element vertex 1"), ":9: expected once, got element 'vertex' twice"},
-      {with("vertex 4", "vertex 0"), ":12: expected 3 or more, got a face of 0 corners"},
+      {with("element face 1", "element vertex 1"),
+       ":9: expected each element once, got 'vertex' twice"},
+      {with("vertex 4", "vertex 0"), ":12: expected 3 or more corners, got a face of 0 corners"},
   };
   for (const auto& [text, expected] : wrong) expect_within(ply_error(text), expected);
 }
@@ -247,7 +251,7 @@ TEST_F(SiteFiles, WrongLanesAreNamedWithTheirLine) {
       {head + "a,0,0,0,3\n", "got one row of lane 'a'"},
       {head + "a,0,0,0,3\nb,0,0,0,3\nb,9,0,0,3\n", ":3:"},
       {head + "a,0,0,0,3\na,0,0,0,3\n",
-       ":3:1: x: expected 0.0001 m from it or more, got the place of the row above"},
+       ":3:1: x: expected 0.0001 m or more from the point of the row above, got a nearer point"},
       {head + "a,0,0,0,-3\n",
        ":2:9: width: expected a number from 0.500000 to 100.000000, got '-3'"},
       {head + "a,0,nan,0,3\n",

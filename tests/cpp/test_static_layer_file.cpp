@@ -384,8 +384,7 @@ TEST(recorded_layer, is_refused_where_it_does_not_fit) {
   };
   SceneConfig leaning = world.scene;
   leaning.mounts["pole"].roll_deg = 2;
-  EXPECT_NE(message(leaning, lidar).find("got elevations that differ from those of noisy"),
-            std::string::npos);
+  EXPECT_NE(message(leaning, lidar).find("degrees of those of noisy"), std::string::npos);
   LidarConfig fewer = lidar;
   fewer.units[0].pattern.spinning->channels.table.pop_back();
   EXPECT_NE(message(world.scene, fewer).find("ring: expected the number of a laser"),

@@ -365,7 +365,7 @@ TEST(vegetation, on_a_lane_is_refused) {
   VegetationConfig hedge = hedge_across(0);
   hedge.hedge->y_m = 4;
   EXPECT_NE(error(hedge).find("got a hedge on a lane"), std::string::npos);
-  EXPECT_NE(error(tree_at(50, 2)).find("got it on a lane"), std::string::npos);
+  EXPECT_NE(error(tree_at(50, 2)).find("got an object on a lane"), std::string::npos);
   EXPECT_NE(error(tree_at(50, 5)).find("got a crown on a lane"), std::string::npos);
   VegetationConfig high = tree_at(50, 5);
   high.tree->shape.trunk_m = 4.5;
@@ -444,7 +444,7 @@ TEST(scene_presets, are_wrong_at_file_line_and_key) {
   };
   error("rain_mm_per_h: 3", "rain: 3", 13, "weather.rain", "unknown key");
   error("- tree: {", "- tree: {height_m: 2, ", 16, "vegetation.1.tree.height_m", "above trunk_m");
-  error("x_m: 20, y_m: 20", "x_m: 20, y_m: 1", 16, "x_m", "got it on a lane");
+  error("x_m: 20, y_m: 20", "x_m: 20, y_m: 1", 16, "x_m", "got an object on a lane");
   error("- tree: {x_m: 20, y_m: 20}", "- {}", 16, "vegetation.1.hedge", "one of hedge");
   error("night: {weather: {sunlight_klux: 0}}", "night: 5", 17, "presets.night", "expected a map");
   error("night: {weather: {sunlight_klux: 0}}", "datasheet: {}", 17, "datasheet", "got it twice");

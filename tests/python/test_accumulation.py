@@ -270,7 +270,7 @@ def test_sources_are_stacked_alike() -> None:
     assert common_accumulation([one, one]) == THREE
     with pytest.raises(
         ValueError,
-        match=r"expected 3 frames, label at newest, as for .*, got 3 frames, label at",
+        match=r"expected the same as for .* \(3 frames, label at newest\), got 3 frames, label at",
     ):
         common_accumulation([one, other])
 
@@ -303,7 +303,7 @@ def test_single_frames_are_not_given_to_a_model_of_stacked_ones(
         (["--label-at", "middle"], "label-at: expected 'newest' for a single frame, got 'middle'"),
         (
             ["--sites", "f.yaml", "--accumulate", "2"],
-            "--accumulate: expected 1 with --sites, which simulates single frames, got 2",
+            "--accumulate: expected 1 with --sites, got 2; --sites simulates single frames",
         ),
         (["background", "--accumulate", "2"], "--accumulate: expected 1 for background"),
     ],

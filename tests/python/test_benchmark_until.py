@@ -98,7 +98,7 @@ def test_recorded_traffic_has_no_replicates(config: Path, tmp_path: Path) -> Non
     )
     config.write_text(CONFIG.replace("[highway]", "[recorded.yaml]"))
     workspace = Workspace(tmp_path / "work", tmp_path / "out", "smoke")
-    with pytest.raises(Error, match="expected simulated traffic, because each replicate has its"):
+    with pytest.raises(Error, match="expected simulated traffic, got recorded trajectories"):
         until.benchmark_until(read_plan(config, "smoke"), workspace, Pool("local", 1), 1.0)
 
 

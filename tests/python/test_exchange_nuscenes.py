@@ -101,7 +101,7 @@ def test_a_frame_of_both_lists_is_an_error(tmp_path: Path) -> None:
     for part in ("train", "val"):
         (folder / f"ImageSets/{part}.txt").write_text("000005\n")
     with pytest.raises(
-        FormatError, match=r"val\.txt: expected no frame of train\.txt, got frame 5"
+        FormatError, match=r"val\.txt: expected frames that are not in train\.txt, got frame 5"
     ):
         nuscenes.export(folder, [5], tmp_path)
 

@@ -266,7 +266,7 @@ WRONG_TABLES: dict[str, tuple[str, Callable[[Any], Any], str]] = {
     "vehicle twice": (
         "sample_annotation",
         lambda rows: [*rows, rows[0] | {"token": "new"}],
-        "row 'new': expected each instance_token once in a sample, got this token twice",
+        "row 'new': expected each instance_token once in a sample, got '",
     ),
     "endless digits": ("ego_pose", lambda rows: f"[{'9' * 5000}]", "cannot be read as JSON"),
     "no width": (
@@ -632,7 +632,7 @@ def test_labels_need_clouds_with_z_up(tmp_path: Path) -> None:
         road = np.column_stack([rng.uniform(-40, 40, (4000, 2)), np.full((4000, 2), (-5, 0.5))])
         np.save(tmp_path / f"source/points/{i}.npy", road[:, [1, 2, 0, 3]].astype("<f4"))
         (tmp_path / f"source/labels/{i}.txt").write_text("1 -4.2 9 4 2 1.6 0.5 Car\n")
-    with pytest.raises(ValueError, match=r"expected z up in clouds with labels, .* got y up"):
+    with pytest.raises(ValueError, match=r"expected z up in clouds with labels, got y up"):
         import_recording(
             tmp_path / "source", "openpcdet", tmp_path / "in/p", FACTS, Options(), upright="road"
         )

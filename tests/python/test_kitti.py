@@ -274,8 +274,8 @@ def test_frame_without_vehicles_has_none(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", ":1: expected 'id,class,...', got ''"),
-        (f"{HEADER},more\n", ":1: expected 'id,class,...', got 'id,class,..."),
+        ("", ":1: expected the header 'id,class,...', got ''"),
+        (f"{HEADER},more\n", ":1: expected the header 'id,class,...', got 'id,class,..."),
         (f"{HEADER}\n{VEHICLE}\n7,Car\n", ":3: expected 20 columns ..., got 2"),
         (f"{HEADER}\n{VEHICLE}\n\n", ":3: expected 20 columns ..., got 1"),
         (f"{HEADER}\n{VEHICLE.replace('10.5', 'ten')}\n", ":2: x: expected a number, got 'ten'"),
@@ -296,7 +296,10 @@ def test_frame_without_vehicles_has_none(tmp_path: Path) -> None:
             f"{HEADER}\n{VEHICLE.replace('0.75', '1.5')}\n",
             ":2: visibility: expected 0 to 1, or -1, got 1.5",
         ),
-        (f"{HEADER}\n{VEHICLE.replace('Car', '')}\n", ":2: class: expected a name, got nothing"),
+        (
+            f"{HEADER}\n{VEHICLE.replace('Car', '')}\n",
+            ":2: class: expected a name, got an empty cell",
+        ),
         (
             f"{HEADER}\n{VEHICLE}\n{VEHICLE}\n",
             ":3: id: expected each id once per frame, got 7 twice",

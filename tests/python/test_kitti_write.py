@@ -235,7 +235,7 @@ def refusal(read: Callable[[Path], object], file: Path) -> str | None:
         (
             "R0_rect: 9.999239e-01",
             "R0_rect: 2",
-            ": R0_rect Tr_velo_to_cam: expected rotation matrices",
+            ": R0_rect, Tr_velo_to_cam: expected rotation matrices",
         ),
         (CALIB[CALIB.index("Tr_velo") :], "", ": expected the matrices Tr_velo_to_cam; got none"),
         (CALIB[: CALIB.index("R0_rect")], "", ": expected the matrices P2; got none"),

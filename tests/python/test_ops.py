@@ -316,7 +316,10 @@ def test_a_key_of_other_voxels_or_another_kernel_is_an_error() -> None:
 def test_voxels_that_are_out_of_the_grid_or_there_twice_are_errors() -> None:
     kernel, stride, padding = (3, 3, 3), (2, 2, 2), (1, 1, 1)
     for at, message in [
-        ([[0, 1, 2, 3], [0, 1, 2, 3]], "coordinates: expected each voxel once, got a voxel twice"),
+        (
+            [[0, 1, 2, 3], [0, 1, 2, 3]],
+            "coordinates: expected each voxel once, got \\[0, 1, 2, 3\\] twice",
+        ),
         ([[0, 1, 2, SHAPE[2]]], "coordinates: expected voxels in the grid .*, got .* to "),
         ([[0, -1, 2, 3]], "coordinates: expected voxels in the grid .*, got .* to "),
     ]:

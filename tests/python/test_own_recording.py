@@ -268,7 +268,7 @@ def test_a_wrong_height_is_refused(site: Path, tmp_path: Path) -> None:
     facts = LidarFacts("pole", "junction", height_m=9)
     with pytest.raises(
         ValueError,
-        match=r"source: height_m: expected a height .* (6\.0|5\.9)\d m above the road, got 9; ",
+        match=r"source: height_m: expected a height .* (6\.0|5\.9)\d m, got 9; ",
     ):
         import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
     assert not (tmp_path / "in/pole").exists()
@@ -303,7 +303,7 @@ def test_clouds_at_road_level_need_the_height(site: Path, up: str, tmp_path: Pat
         clouds_of(site, "helios_16"), lambda p: np.add(p, (0, 0, HEIGHT_M)) @ turn
     )
     source = write(tmp_path / "source", clouds)
-    with pytest.raises(ValueError, match=r"expected the road .*, got -?0\.0\d m: "):
+    with pytest.raises(ValueError, match=r"expected the road .*, got -?0\.0\d m; "):
         taken(source)
     facts = LidarFacts("pole", "junction", height_m=HEIGHT_M)
     summary, _ = import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
@@ -388,7 +388,7 @@ def test_an_outline_goes_with_the_frames(site: Path, tmp_path: Path) -> None:
 def test_an_empty_region_is_refused(site: Path, tmp_path: Path) -> None:
     source = write(tmp_path / "source", clouds_of(site, "helios_16"))
     far = outline(tmp_path, "[[900, 900], [960, 900], [960, 960]]")
-    with pytest.raises(ValueError, match=r"outline_m: expected .*got no return inside"):
+    with pytest.raises(ValueError, match=r"outline_m: expected .*, got none in"):
         taken(source, region=far)
     assert not (tmp_path / "in_source/pole").exists()
 
@@ -598,7 +598,7 @@ def test_what_is_no_millimetre_either_is_refused(
     source = write(tmp_path / "source", clouds)
     facts = LidarFacts("pole", "junction", height_m=HEIGHT_M)
     with pytest.raises(
-        ValueError, match=r"source: expected coordinates .*millimetres.* `unit_m` sets"
+        ValueError, match=r"source: expected the road .*millimetres.* `unit_m` sets"
     ):
         import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
     if unit_m != 1:

@@ -45,7 +45,7 @@ def changed(file: Path, row: int, **values: object) -> None:
         ),
         ("quick", {"ap_low": 90, "ap_high": 80}, "quick.csv:3: ap_low: expected"),
         ("quick", {"latency_p50_ms": -3}, "csv:3: latency_p50_ms: expected 0 or more, got -3"),
-        ("quick", {"lidar": ""}, "quick.csv:3: lidar: expected a name, got nothing"),
+        ("quick", {"lidar": ""}, "quick.csv:3: lidar: expected a name, got an empty cell"),
         ("quick_areas", {"n_hqda": -1}, "quick_areas.csv:3: n_hqda: expected 0 or more, got -1"),
         ("quick_distance", {"s": "inf"}, "csv:3: s: expected a finite number, got inf"),
         ("quick_value", {"price_usd": -1}, "csv:3: price_usd: expected 0 or more, got -1"),

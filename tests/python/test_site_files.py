@@ -134,7 +134,7 @@ def test_outlines_that_were_not_copied_are_named(tmp_path: Path, infrasim: Infra
 @pytest.mark.parametrize(
     ("text", "error"),
     [
-        ("region,x\n", ":1: expected 'region,x,y', got 'region,x'"),
+        ("region,x\n", ":1: expected the header 'region,x,y', got 'region,x'"),
         ("region,x,y\n", ":1: expected one or more rows with a region, got none"),
         ("region,x,y\na,0,0\na,1,1\n", "region a: expected 3 or more corners, got 2"),
         ("region,x,y\na,0,0\na,1,nan\na,1,0\n", ":3: y: expected ..., got nan"),

@@ -375,7 +375,7 @@ def test_a_list_of_directions_must_lie_beside_the_frames(made: Made, tmp_path: P
     (folder / "table.npy").unlink()
     ((why, names),) = reasons(["tilt", "unseen_lidar", "unseen_scene"], base).items()
     assert names == ["tilt", "unseen_scene"]
-    assert f"pattern.table.file: expected the file {folder / 'table.npy'}, got no such file" in why
+    assert f"pattern.table.file: expected the file {folder / 'table.npy'}, got none" in why
 
 
 def test_the_first_difference_of_two_lidars_is_named(base: altered_scenes.Base) -> None:
@@ -444,7 +444,7 @@ def test_recorded_trajectories_have_no_density_and_no_speed(
     (recorded.parent / "trajectories.csv").unlink()
     assert main.main(command(background, recorded, tmp_path / "2", "--stressors", "tilt")) == 2
     assert (
-        "trajectories.csv: expected this file, to simulate the scene again, got no such file"
+        "trajectories.csv: expected this file, got none; the scene is simulated again"
         in capsys.readouterr().err
     )
 

@@ -1123,7 +1123,7 @@ def test_labels_of_two_times_are_not_learnt_together() -> None:
     )
     assert common_label_time([one, one]) == "scan"
     with pytest.raises(
-        ValueError, match=r"helios_16 in curve: label_time: expected scan, as for .*, got frame"
+        ValueError, match=r"helios_16 in curve: label_time: expected scan, got frame; .* has scan"
     ):
         common_label_time([one, other])
 

@@ -147,7 +147,9 @@ def test_labelled_frames_are_asked_for_it(
     assert main.main(["validate", str(lidar), "--pred", str(pred)]) == 0
     assert "confirmed_share" not in capsys.readouterr().out
     assert main.main(["validate", str(lidar), "--unlabelled"]) == 2
-    assert "--unlabelled, --out: expected --pred with them, got none" in capsys.readouterr().err
+    assert (
+        "--pred: expected a folder with --unlabelled or --out, got none" in capsys.readouterr().err
+    )
 
 
 # --- faults, and recordings that show too little

@@ -139,7 +139,8 @@ void warn_of_bin(const FilterOptions& o, const CloudFile& cloud) {
   const std::vector<float> intensity = cloud.intensity();
   if (o.in.ends_with(".bin") && std::ranges::any_of(intensity, [](float v) { return v < 0; }))
     warn(o.in,
-         "expected intensities of 0 or more, got others: does a point have four float32 values?");
+         "expected intensities of 0 or more, got negative values; check that a point has four "
+         "float32 values");
   if (!o.out.ends_with(".bin")) return;
   if (intensity.empty()) warn(o.out, "the cloud has no intensity field: intensities are set to 0");
   if (const float most = cloud.intensity_max(); most != 1)

@@ -16,7 +16,7 @@ void visit(Fields& f, CropBox& c) {
     f.field(kMin[axis], c.min_m[axis], min.doc, min.rule);
     f.field(kMax[axis], c.max_m[axis], max.doc, max.rule);
     f.check(c.max_m[axis] > c.min_m[axis], kMax[axis],
-            "expected above its minimum, got at most that");
+            "expected more than the minimum of this axis, got the minimum or less");
   }
 }
 
@@ -28,13 +28,13 @@ void check(Fields& f, const CropPolygon& c) {
 
 template <class Fields>
 void check(Fields& f, const CropRange& c) {
-  f.check(c.max_m > c.min_m, "max_m", "expected above min_m, got at most that");
+  f.check(c.max_m > c.min_m, "max_m", "expected above min_m, got min_m or less");
 }
 
 template <class Fields>
 void check(Fields& f, const CropFieldOfView& c) {
   f.check(c.elevation_max_deg > c.elevation_min_deg, "elevation_max_deg",
-          "expected above elevation_min_deg, got at most that");
+          "expected above elevation_min_deg, got elevation_min_deg or less");
 }
 
 template <class Fields>

@@ -103,7 +103,8 @@ config::Tree preset_tree(const std::filesystem::path& file, const std::string& p
   const auto presets = config::take_presets(tree);
   if (!presets) {
     if (preset.find_first_of(",\"\n") != std::string::npos)
-      config::fail(tree.place, "preset", "expected a word of a table, got '" + preset + "'");
+      config::fail(tree.place, "preset",
+                   "expected a name without comma, quote and newline, got '" + preset + "'");
     return tree;
   }
   const config::Tree* chosen = presets->find(preset);
@@ -376,7 +377,7 @@ void set_echo_mode(LidarConfig& lidar, EchoMode mode) {
   for (LidarUnit& unit : lidar.units) {
     if (!unit.returns.detection && mode != EchoMode::kStrongest)
       throw ConfigError("echo: expected strongest with preset " + lidar.preset + " of " +
-                        lidar.name + ", which has no returns.detection");
+                        lidar.name + ", got another mode; this preset has no returns.detection");
     EchoesConfig echoes = unit.returns.echoes.value_or(EchoesConfig{});
     echoes.mode = mode;
     if (const std::string unoffered = unoffered_mode(echoes); !unoffered.empty())

@@ -65,12 +65,12 @@ FiringTable read_npy_table(const std::filesystem::path& file) {
 
 /// Checks that the numbers of the channels have no gap and begin at 0 or 1.
 void check_numbers(const std::set<int>& numbers, const std::filesystem::path& file) {
-  if (numbers.empty()) fail({file.string(), 1, 1}, "(rows)", "expected at least one, got none");
+  if (numbers.empty()) fail({file.string(), 1, 1}, "(rows)", "expected one or more rows, got none");
   const int first = *numbers.begin(), last = *numbers.rbegin();
   const auto fail_numbers = [&](const std::string& what) {
     fail({file.string()}, "channel", what);
   };
-  if (first > 1) fail_numbers("expected the first one to be 0 or 1, got " + std::to_string(first));
+  if (first > 1) fail_numbers("expected 0 or 1 as the first number, got " + std::to_string(first));
   for (int number = first; number <= last; ++number)
     if (!numbers.contains(number))
       fail_numbers("expected a row for each of " + std::to_string(first) + " to " +
@@ -106,7 +106,7 @@ std::vector<Channel> read_channels(const std::filesystem::path& file) {
     if (number != std::round(number))
       csv.fail("channel", "expected a whole number, got " + number_text(number));
     if (!numbers.insert(static_cast<int>(number)).second)
-      csv.fail("channel", "expected each once, got " + number_text(number) + " twice");
+      csv.fail("channel", "expected each channel once, got " + number_text(number) + " twice");
     Channel& channel = channels.emplace_back();
     channel.elevation_deg = csv.number("elevation_deg", -90, 90);
     channel.azimuth_offset_deg = csv.number_or(0, "azimuth_offset_deg", -180, 180);
@@ -129,7 +129,7 @@ std::vector<Channel> read_channels(const std::filesystem::path& file) {
 FiringTable read_firing_table(const std::filesystem::path& file) {
   FiringTable table = file.extension() == ".npy" ? read_npy_table(file) : read_csv_table(file);
   if (table.directions.empty())
-    fail({file.string(), 1, 1}, "(rows)", "expected at least one, got none");
+    fail({file.string(), 1, 1}, "(rows)", "expected one or more rows, got none");
   if (!table.times_s.empty()) {
     const double first = table.times_s.front();
     for (double& time : table.times_s) time -= first;

@@ -69,7 +69,8 @@ void visit(Fields& f, ChannelsConfig& c) {
   const int ways = (c.count > 0) + !c.file.empty() + !c.table.empty();
   f.check(ways == 1, "count", "expected one of count, file, table, got none or several");
   const double upper = c.upper_deg.value_or(0), lower = c.lower_deg.value_or(0);
-  f.check(c.count <= 1 || upper > lower, "upper_deg", "expected above lower_deg, got at most that");
+  f.check(c.count <= 1 || upper > lower, "upper_deg",
+          "expected above lower_deg, got lower_deg or less");
   f.check(c.count != 1 || !c.upper_deg || !c.lower_deg || upper == lower, "upper_deg",
           "expected lower_deg, as one channel has one elevation, got another angle");
 }

@@ -162,7 +162,7 @@ void visit(Fields& f, ReturnsConfig& c) {
   f.check(c.detection || !c.echoes || c.echoes->mode == EchoMode::kStrongest, "echoes",
           "expected mode strongest, because returns.detection is missing, got another");
   f.check(c.max_range_m > c.min_range_m, "max_range_m",
-          "expected above min_range_m, got at most that");
+          "expected above min_range_m, got min_range_m or less");
 }
 
 template void visit(config::FieldReader&, ReturnsConfig&);

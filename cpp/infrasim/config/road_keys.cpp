@@ -84,7 +84,7 @@ void visit(Fields& f, ProfileConfig& c) {
             "expected from vertical_curve_m, " + config::number_text(c.vertical_curve_m) +
                 ", on, got a point " + config::number_text(step.x) + " m after the one before");
     f.check(std::abs(step.y) <= kSteepest * step.x + 1e-9, "points_m",
-            "expected up to " + config::number_text(100 * kSteepest) + ", got a grade of " +
+            "expected up to " + config::number_text(100 * kSteepest) + " %, got a grade of " +
                 config::number_text(std::round(1e6 * step.y / step.x) / 1e4) + " %");
   }
 }

@@ -135,7 +135,7 @@ void check_regions(Fields& f, const std::optional<std::vector<RegionConfig>>& re
   if (!regions) return;
   for (const RegionConfig& region : *regions)
     f.check(names.insert(region.name).second, "regions",
-            "expected a name for each, got '" + region.name + "' twice");
+            "expected a different name for each region, got '" + region.name + "' twice");
 }
 
 template <class Fields>
@@ -189,7 +189,7 @@ void visit(Fields& f, SceneConfig& c) {
           "expected trajectories with lanes of a file, got traffic, which needs "
           "roads");
   f.check(!c.static_layers || c.mounts.size() <= 1, "static_layers",
-          "expected one mount, as the file was made at one place, got several");
+          "expected one mount, got several; the file was made at one place");
   f.check(c.traffic.has_value() == c.trajectories.empty(), "traffic",
           "expected either traffic or trajectories, got both or neither");
 }

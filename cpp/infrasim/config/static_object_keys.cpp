@@ -103,7 +103,7 @@ void visit_shape(Fields& f, TreeShape& c, const char* base) {
   f.field("trunk_width_m", c.trunk_width_m, "thickness of the trunk", positive(5));
   f.field("base_m", c.base_m, base, between(-1e3, 1e4));
   visit_density(f, c.density_per_m);
-  f.check(c.height_m > c.trunk_m, "height_m", "expected above trunk_m, got at most that");
+  f.check(c.height_m > c.trunk_m, "height_m", "expected above trunk_m, got trunk_m or less");
 }
 
 template <class Fields>

@@ -66,7 +66,7 @@ struct Converter {
       if (!entry.first.IsScalar())
         fail(key_place, "(key)", "expected a word, got another kind of key");
       const std::string& key = entry.first.Scalar();
-      if (!seen.insert(key).second) fail(key_place, key, "expected it once, got it twice");
+      if (!seen.insert(key).second) fail(key_place, key, "expected the key once, got it twice");
       Tree value = convert(entry.second);
       if (value.place.line == 0) value.place = key_place;
       tree.keys.push_back(key);
@@ -175,7 +175,7 @@ Tree parse_tree(const std::string& text, const std::string& name) {
   check_characters(text, name);
   try {
     if (const auto second = second_document(text))
-      fail(place_of(*second, name), "(document)", "expected one, got a second document");
+      fail(place_of(*second, name), "(document)", "expected one document, got a second document");
     return Converter{name}.convert(YAML::Load(text));
   } catch (const YAML::Exception& e) {
     fail(place_of(e.mark, name), "(document)", "expected YAML, got malformed text (" + e.msg + ")");

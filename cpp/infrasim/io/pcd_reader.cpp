@@ -75,12 +75,12 @@ class PcdReader {
     const std::string key = w.front();
     w.erase(w.begin());
     if (std::ranges::count(keys_, key) > 0)
-      fail(key.substr(0, 40), "expected it once, got it twice");
+      fail(key.substr(0, 40), "expected the key once, got it twice");
     keys_.push_back(key);
     if (key == "FIELDS") return read_fields(w);
     if (key == "SIZE" || key == "TYPE" || key == "COUNT") return read_columns(key, w);
     if (key == "VIEWPOINT") return read_viewpoint(w);
-    if (w.size() != 1) fail(key, "expected 1 values, got " + std::to_string(w.size()));
+    if (w.size() != 1) fail(key, "expected 1 value, got " + std::to_string(w.size()));
     if (key == "VERSION") {
       if (w[0] != "0.7" && w[0] != ".7") fail(key, "expected 0.7, got '" + w[0] + "'");
     } else if (key == "WIDTH") {
@@ -127,14 +127,15 @@ class PcdReader {
 
   void read_fields(const std::vector<std::string>& names) {
     if (names.empty() || names.size() > kMaxFields || !cloud_.fields.empty())
-      fail("FIELDS", "expected 1 to 256, once, got " + std::to_string(names.size()) + " names");
+      fail("FIELDS",
+           "expected 1 to 256 names, once, got " + std::to_string(names.size()) + " names");
     for (const std::string& name : names) cloud_.fields.push_back({name});
   }
 
   void read_columns(const std::string& key, const std::vector<std::string>& values) {
     if (values.size() != cloud_.fields.size())
-      fail(key, "expected one per field (" + std::to_string(cloud_.fields.size()) + "), got " +
-                    std::to_string(values.size()) + " values");
+      fail(key, "expected one value per field (" + std::to_string(cloud_.fields.size()) +
+                    "), got " + std::to_string(values.size()) + " values");
     for (std::size_t i = 0; i < values.size(); ++i) {
       CloudField& f = cloud_.fields[i];
       if (key == "TYPE") {
@@ -153,7 +154,7 @@ class PcdReader {
     for (const CloudField& f : cloud_.fields) {
       const bool valid =
           f.size == 8 || f.size == 4 || (f.type != 'F' && (f.size == 1 || f.size == 2));
-      if (f.count < 1) fail("COUNT", "expected 1 or more, got 0 of field '" + f.name + "'");
+      if (f.count < 1) fail("COUNT", "expected 1 or more, got 0 for field '" + f.name + "'");
       if (!valid)
         fail("SIZE", "expected F4 F8 I1 I2 I4 I8 U1 U2 U4 U8, got field '" + f.name + "' of type " +
                          f.type + " and size " + std::to_string(f.size));
@@ -176,8 +177,9 @@ class PcdReader {
   std::size_t promised(std::size_t most) const {
     const std::size_t record = cloud_.record_size();
     if (cloud_.points > most / record)
-      fail("POINTS", "expected what the file holds, got " + std::to_string(cloud_.points) +
-                         " points of " + std::to_string(record) + " bytes");
+      fail("POINTS", "expected points that fit the size of the file, got " +
+                         std::to_string(cloud_.points) + " points of " + std::to_string(record) +
+                         " bytes");
     return cloud_.points * record;
   }
 
@@ -196,20 +198,21 @@ class PcdReader {
 
   void read_compressed() {
     std::uint32_t sizes[2] = {};
-    if (rest_.size() < sizeof(sizes)) fail("DATA", "expected two uint32, got no sizes");
+    if (rest_.size() < sizeof(sizes))
+      fail("DATA", "expected two sizes of type uint32, got the end of the file");
     std::memcpy(sizes, rest_.data(), sizeof(sizes));
     rest_.remove_prefix(sizeof(sizes));
     constexpr std::size_t kBestRatio = 264;
     if (sizes[0] > rest_.size() || sizes[1] > sizes[0] * kBestRatio)
-      fail("DATA", "expected what the file holds, got sizes " + std::to_string(sizes[0]) + " and " +
-                       std::to_string(sizes[1]));
+      fail("DATA", "expected sizes that fit the size of the file, got sizes " +
+                       std::to_string(sizes[0]) + " and " + std::to_string(sizes[1]));
     const std::size_t size = promised(sizes[1]);
     if (size != sizes[1])
       fail("DATA",
            "expected " + std::to_string(size) + ", got " + std::to_string(sizes[1]) + " bytes");
     require_end(sizes[0]);
     const auto columns = lzf_decompress(rest_, size);
-    if (!columns) fail("DATA", "expected LZF of the stated size, got other bytes");
+    if (!columns) fail("DATA", "expected LZF data of the stated size, got other bytes");
     cloud_.records.resize(size);
     transpose(*columns, cloud_.records);
   }

@@ -72,7 +72,7 @@ class PlyReader {
     if (ascii_) skip_blanks();
     if (at_ != text_.size()) fail("expected the end of the file, got bytes after the last element");
     if (out_.vertices.empty() || out_.triangles.empty())
-      fail("expected vertices and faces, got none of one of them");
+      fail("expected vertices and faces, got no vertices or no faces");
     return std::move(out_);
   }
 
@@ -103,7 +103,8 @@ class PlyReader {
   }
 
   void read_header() {
-    if (words() != std::vector<std::string_view>{"ply"}) fail("expected a .ply, got no 'ply'");
+    if (words() != std::vector<std::string_view>{"ply"})
+      fail("expected 'ply' in the first line, got other text");
     bool format = false;
     for (at_ = next_;; at_ = next_) {
       const auto line = words();
@@ -118,7 +119,8 @@ class PlyReader {
         const auto count = parse_number<std::uint64_t>(line[2]);
         if (!count) fail("expected a number as the count, got a word");
         if (std::ranges::count(elements_, line[1], &PlyElement::name) > 0)
-          fail("expected once, got element '" + std::string(line[1].substr(0, 40)) + "' twice");
+          fail("expected each element once, got '" + std::string(line[1].substr(0, 40)) +
+               "' twice");
         elements_.push_back({std::string(line[1]), *count, {}});
       } else if (line[0] == "property" && !elements_.empty()) {
         add_property(elements_.back(), line);
@@ -136,7 +138,7 @@ class PlyReader {
     PlyProperty added = property(line);
     const bool place = added.name == "x" || added.name == "y" || added.name == "z";
     if (element.find(added.name) != nullptr)
-      fail("expected once, got property '" + added.name.substr(0, 40) + "' twice");
+      fail("expected each property once, got '" + added.name.substr(0, 40) + "' twice");
     if (element.name == "vertex" && place && (added.type->whole || added.count != nullptr))
       fail("expected float or double, got " + added.name + " of another type");
     if (added.count != nullptr && !added.count->whole)
@@ -178,8 +180,9 @@ class PlyReader {
     if (least == 0) fail("expected properties of element '" + element.name + "', got none");
     const std::size_t left = text_.size() - at_ + (ascii_ ? 1 : 0);
     if (element.count > left / least)
-      fail("expected as many as the file can hold, got " + std::to_string(element.count) + " of '" +
-           element.name + "' in " + std::to_string(left) + " bytes: is it cut short?");
+      fail("expected rows that fit the size of the file, got " + std::to_string(element.count) +
+           " of '" + element.name + "' in " + std::to_string(left) +
+           " bytes; the file may be truncated");
     if (element.count > kMostTriangles)
       fail("expected up to " + std::to_string(kMostTriangles) + ", got " +
            std::to_string(element.count) + " of '" + element.name + "'");
@@ -207,7 +210,8 @@ class PlyReader {
       }
     }
     if (element.name == "vertex") add_vertex(vertex);
-    if (element.name == "face" && !corners) fail("expected faces with vertex_indices, got others");
+    if (element.name == "face" && !corners)
+      fail("expected faces with vertex_indices, got a face without them");
   }
 
   void add_vertex(Vec3 v) {
@@ -221,7 +225,7 @@ class PlyReader {
   }
 
   void add_face(std::size_t n, const PlyType& type) {
-    if (n < 3) fail("expected 3 or more, got a face of " + std::to_string(n) + " corners");
+    if (n < 3) fail("expected 3 or more corners, got a face of " + std::to_string(n) + " corners");
     const std::uint32_t first = corner(type);
     std::uint32_t before = corner(type);
     for (std::size_t i = 2; i < n; ++i) {
@@ -236,21 +240,21 @@ class PlyReader {
   std::uint32_t corner(const PlyType& type) {
     const double v = value(type);
     if (!(v >= 0 && v < static_cast<double>(out_.vertices.size())) || v != std::floor(v))
-      fail("expected corners by their number, got one that is none of the " +
+      fail("expected a corner to be the number of a vertex, got a number that is none of the " +
            std::to_string(out_.vertices.size()) + " vertices before it");
     return static_cast<std::uint32_t>(v);
   }
 
   std::size_t items(double count) const {
     if (!(count >= 0 && count <= 1e6) || count != std::floor(count))
-      fail("expected 0 to a million, got a list of a length that is none");
+      fail("expected a list length of 0 to 1000000, got another length");
     return static_cast<std::size_t>(count);
   }
 
   double value(const PlyType& type) {
     if (ascii_) return ascii_value();
     if (text_.size() - at_ < type.bytes)
-      fail("expected more data, got the end of the file: is it cut short?");
+      fail("expected more data, got the end of the file; the file may be truncated");
     const double v = type.read(text_.data() + at_);
     at_ += type.bytes;
     return v;
@@ -259,7 +263,7 @@ class PlyReader {
   double ascii_value() {
     skip_blanks();
     const std::size_t end = std::min(text_.find_first_of(" \t\r\n", at_), text_.size());
-    if (end == at_) fail("expected more data, got the end of the file: is it cut short?");
+    if (end == at_) fail("expected more data, got the end of the file; the file may be truncated");
     const auto v = parse_number<double>(std::string_view(text_).substr(at_, end - at_));
     if (!v)
       fail("expected a number, got '" + text_.substr(at_, std::min<std::size_t>(end - at_, 40)) +

@@ -33,7 +33,7 @@ void check(const RunRequest& request) {
   std::set<std::string> names;
   for (const LidarConfig& lidar : request.lidars)
     if (!names.insert(lidar.name).second)
-      throw ConfigError("--lidar: expected each once, got '" + lidar.name + "' twice");
+      throw ConfigError("--lidar: expected each LiDAR once, got '" + lidar.name + "' twice");
 }
 
 /// @throws ConfigError if the request can't be fused

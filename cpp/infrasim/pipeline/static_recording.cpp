@@ -177,12 +177,12 @@ double check_elevations(const std::filesystem::path& folder, const LidarConfig& 
       ++number;
     }
   if (worst <= kMostMiss_deg) return worst;
-  throw ConfigError(folder.string() + ": ring " + std::to_string(worst_ring) + ": expected " +
-                    config::number_text(kMostMiss_deg) +
-                    " (channels of the LiDAR's file, pitch and roll of the mount), got elevations "
-                    "that differ from those of " +
-                    words_of(lidar) + " by " +
-                    config::number_text(std::round(worst * 1000) / 1000) + " degrees on average");
+  throw ConfigError(folder.string() + ": ring " + std::to_string(worst_ring) +
+                    ": expected elevations within " + config::number_text(kMostMiss_deg) +
+                    " degrees of those of " + words_of(lidar) + ", got a mean difference of " +
+                    config::number_text(std::round(worst * 1000) / 1000) +
+                    " degrees; check the channels in the LiDAR's file, and pitch and roll of the "
+                    "mount");
 }
 
 /// Returns the return that is nearest to an azimuth; null if none is within `reach`.

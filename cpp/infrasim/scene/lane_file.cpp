@@ -65,18 +65,19 @@ class LaneReader {
     if (name != name_) {
       finish();
       if (!names_.insert(name).second)
-        csv_.fail_row("lane", "expected its rows together, got lane '" + name + "' again");
+        csv_.fail_row("lane",
+                      "expected the rows of a lane together, got lane '" + name + "' again");
       name_ = name;
     } else if (norm(row.place - rows_.back().place) < kLeastStep) {
       csv_.fail_row("x", "expected " + config::number_text(kLeastStep) +
-                             " m from it or more, got the place of the row above");
+                             " m or more from the point of the row above, got a nearer point");
     }
     rows_.push_back(row);
   }
 
   void finish() {
     if (rows_.size() == 1)
-      csv_.fail_row("lane", "expected two or more, got one row of lane '" + name_ + "'");
+      csv_.fail_row("lane", "expected two or more rows, got one row of lane '" + name_ + "'");
     if (!rows_.empty()) out_.push_back(path_of(name_, rows_));
     rows_.clear();
   }

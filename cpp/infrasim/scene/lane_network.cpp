@@ -72,8 +72,8 @@ JunctionCut cut_at(const JunctionConfig& junction, int index, const RoadLine& ro
   if (length - s <= reach && s > half + kLeastArm) return {index, s - half, length};
   if (s < half + kLeastArm || s > length - half - kLeastArm)
     config::fail(junction.place, "roads",
-                 "expected further in, or a road that ends on the other, got a junction "
-                 "within 10 m of the end of '" +
+                 "expected a junction further from the ends of the road, or a road that ends on "
+                 "the other, got a junction within 10 m of the end of '" +
                      road.config->name + "'");
   return {index, s - half, s + half};
 }
@@ -164,7 +164,8 @@ std::optional<Ring> cut_roads(const SceneConfig& scene, int index, std::vector<R
   for (RoadLine* road : {&a, &b}) {
     if (road->cut)
       config::fail(junction.place, "roads",
-                   "expected one, got a second junction on '" + road->config->name +
+                   "expected one junction on a road, got a second junction on '" +
+                       road->config->name +
                        "'; a net of them is a site of lanes and trajectories (pyinfra site "
                        "import, pyinfra site traffic)");
     const bool first = road == &a;
@@ -176,7 +177,7 @@ std::optional<Ring> cut_roads(const SceneConfig& scene, int index, std::vector<R
   }
   if (ends_at(a) && ends_at(b))
     config::fail(junction.place, "roads",
-                 "expected one that goes on, got two roads that end there");
+                 "expected a road that goes on, got two roads that end there");
   check_angles(junction, a, b);
   return ring;
 }
@@ -288,7 +289,8 @@ LaneNetwork build_lane_network(const SceneConfig& scene, std::span<const Curve> 
     const RoadConfig& road = scene.roads[i];
     for (const RoadLine& other : roads)
       if (other.config->name == road.name)
-        config::fail(road.place, "name", "expected one, got a second road '" + road.name + "'");
+        config::fail(road.place, "name",
+                     "expected each name once, got a second road '" + road.name + "'");
     roads.push_back({&road, centrelines[i], {}});
   }
   LaneNetwork network;

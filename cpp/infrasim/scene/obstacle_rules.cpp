@@ -71,7 +71,7 @@ class ObstacleRules {
     if (stands_on_lane(box))
       config::fail(place, key,
                    "expected beside the lanes or " + number_text(kClearance_m) +
-                       " m above them, got " + (kind.empty() ? "it" : kind) + " on a lane");
+                       " m above them, got " + (kind.empty() ? "an object" : kind) + " on a lane");
   }
 
   /// Returns the boxes of all solid objects, including barriers and trunks, but not leaves.

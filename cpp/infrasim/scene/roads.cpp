@@ -62,9 +62,10 @@ std::vector<Curve> centrelines(const SceneConfig& scene) {
       length += piece.line_m + piece.radius_m * rad(std::abs(piece.turn_deg));
     if (length > kMostRoad)
       config::fail(road.place, "centreline",
-                   "expected " + config::number_text(kMostRoad) + ", as rays end at " +
-                       config::number_text(kLongestRange_m) + ", got " +
-                       config::number_text(std::round(length)) + " m of roads up to this one");
+                   "expected up to " + config::number_text(kMostRoad) + " m of roads, got " +
+                       config::number_text(std::round(length)) +
+                       " m up to this road; rays end at " + config::number_text(kLongestRange_m) +
+                       " m");
     out.push_back(centreline(road));
   }
   return out;

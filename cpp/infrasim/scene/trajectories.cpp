@@ -327,7 +327,7 @@ std::optional<TrajectoryLine> TrajectoryLines::next() {
     fail("t", "expected ascending times, got a time before that of the row above");
   if (begun_ && line.step == last_.step && line.state && last_.state &&
       last_.state->id >= line.state->id)
-    fail("id", "expected ascending ids within an instant, got others");
+    fail("id", "expected ascending ids within an instant, got ids in another order");
   begun_ = true;
   last_ = line;
   return line;
@@ -374,7 +374,7 @@ class TrajectoryReader {
     if (std::abs(wrap_angle(b.heading - a.heading)) > kMaxTurn)
       lines_.fail("heading", "expected at most 60 degrees in 0.1 s, got a turn of more");
     if (a.dx != b.dx || a.dy != b.dy || a.dz != b.dz || before.object_class != s.object_class)
-      lines_.fail("dx", "expected one size and class of an object, got others than before");
+      lines_.fail("dx", "expected one size and class of an object, got a different size or class");
   }
 
   /// Adds a state to rows [first, last) that the object lacks.

@@ -25,8 +25,8 @@ void check_rows(const LidarConfig& lidar, int frames) {
     rows += rays_per_s(unit.pattern) * period_s(lidar) * frames;
   if (rows > kMostRows)
     throw ConfigError("frames: expected at most " + std::to_string(std::llround(kMostRows)) +
-                      ", got " + std::to_string(frames) + " with about " +
-                      std::to_string(std::llround(rows)) + " rays in all");
+                      " rays, got about " + std::to_string(std::llround(rows)) + " rays in " +
+                      std::to_string(frames) + " frames");
 }
 
 }  // namespace

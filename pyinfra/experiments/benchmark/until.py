@@ -55,8 +55,8 @@ def benchmark_until(
     seeds = sorted({experiment.seed for experiment in plan.experiments})
     if len(seeds) != 1:
         raise Error(
-            "seeds: expected one seed, because each replicate has its own seed, got "
-            f"{', '.join(map(str, seeds))}"
+            f"seeds: expected one seed, got {', '.join(map(str, seeds))}; the seeds of the "
+            "replicates are computed from this seed"
         )
     if not half_width_ap > 0:
         raise Error(f"until: expected a half-width above 0 (in AP), got {half_width_ap:g}")
@@ -64,8 +64,8 @@ def benchmark_until(
         file = plan.files["scenes", name]
         if not yaml.safe_load(inputs.resolved(file)).get("traffic"):
             raise Error(
-                f"{file}: traffic: expected simulated traffic, because each replicate has its own "
-                "traffic, got recorded trajectories"
+                f"{file}: traffic: expected simulated traffic, got recorded trajectories; each "
+                "replicate needs different traffic"
             )
     tables: list[pd.DataFrame] = []
     for look in LOOKS:

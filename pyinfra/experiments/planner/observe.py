@@ -113,8 +113,8 @@ def check_site(
     all_used = len(site.other_frames(check_frames)) >= site.every_frame
     if request.detector == "background" and check_frames and all_used:
         raise Error(
-            f"check_frames: expected less than {site.every_frame}, because the detector learns "
-            f"from the other frames of the scene, got {check_frames}"
+            f"check_frames: expected less than {site.every_frame}, got {check_frames}; the "
+            "detector learns from the other frames of the scene"
         )
 
 

@@ -206,7 +206,8 @@ def detector_for(frames: SimulatedFrames, detector: str) -> TrainedDetector | Ba
     every = [k for k in frames.known if k not in set(frames.numbers)]
     if not every:
         raise Error(
-            "detector: expected frames without evaluation to learn the background from, got none"
+            f"frames: expected less than all {len(frames.numbers)} frames of the scene, got all; "
+            "the detector background learns from the other frames"
         )
     learning = every[:: max(1, len(every) // LEARNING_FRAMES)][:LEARNING_FRAMES]
     clouds = [frame.points for frame in frames.of(learning)]

@@ -239,8 +239,8 @@ def _check_length(base: Base, scene: Path, duration_s: float) -> None:
     needed = (base.frames[-1] + 1) * base.lidar.period_s
     if needed > duration_s + 1e-6:
         raise Error(
-            f"{scene}: duration_s: expected {needed:g} or more, as frame {base.frames[-1]} is "
-            f"tested, got {duration_s:g}"
+            f"{scene}: duration_s: expected {needed:g} or more, got {duration_s:g}; frame "
+            f"{base.frames[-1]} is tested"
         )
 
 

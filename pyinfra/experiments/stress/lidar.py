@@ -64,7 +64,7 @@ def text(file: Path, turns_deg: Sequence[float] = ()) -> str:
     units = units_of(config)
     if not units:
         raise FormatError(
-            f"{file}: expected the key pattern, without which no frame can be simulated, got none"
+            f"{file}: expected the key pattern, got none; frames are simulated from a pattern"
         )
     if turns_deg:
         units = [turned(unit, turns_deg[i % len(turns_deg)]) for i, unit in enumerate(units)]

@@ -34,14 +34,14 @@ def scene(base: Base) -> str:
                 "files of this key"
             )
     if (file := base.trajectories) is not None and not file.is_file():
-        return f"{file}: expected this file, to simulate the scene again, got no such file"
+        return f"{file}: expected this file, got none; the scene is simulated again with this file"
     from pyinfra.dataset.simulation import frames_version
 
     number = number_at(base.folder) or "none"
     if number != str(frames_version()):
         return (
-            f"{folder / 'dataset.yaml'}: frames_version: {ONLY_CLOUDS}, because changed scenes "
-            f"would have frames_version {frames_version()}, got {number}"
+            f"{folder / 'dataset.yaml'}: frames_version: expected {frames_version()} for stressors "
+            f"that change more than clouds, got {number}"
         )
     return ""
 
@@ -50,13 +50,13 @@ def rays(base: Base) -> str:
     """Requires the scan pattern of the LiDAR, with its table files."""
     file = base.lidar_file
     if not file.is_file():
-        return f"{file}: expected this file, to simulate the LiDAR again, got no such file"
+        return f"{file}: expected this file, got none; the LiDAR is simulated again with this file"
     config = lidar.read(file)
     if not lidar.units_of(config):
         return f"{file}: {ONLY_CLOUDS}, because a recording has no pattern"
     for table in lidar.table_files(config, file.parent):
         if not table.is_file():
-            return f"{file}: pattern.table.file: expected the file {table}, got no such file"
+            return f"{file}: pattern.table.file: expected the file {table}, got none"
     return ""
 
 

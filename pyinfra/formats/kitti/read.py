@@ -144,7 +144,8 @@ def read_objects(file: Path) -> Objects:
     header = lines[0] if lines else ""
     rows = object_rows(header, lines[1:])
     if rows is None:
-        raise FormatError(f"{file}:1: expected '{','.join(OBJECT_COLUMNS)}', got '{header}'")
+        columns = ",".join(OBJECT_COLUMNS)
+        raise FormatError(f"{file}:1: expected the header '{columns}', got '{header}'")
     table = NamedRows(file, range(2, 2 + len(rows)), rows, OBJECT_COLUMNS, "class")
     table.check(OBJECT_RULES)
     known = np.flatnonzero(table["id"] >= 0)

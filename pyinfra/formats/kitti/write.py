@@ -68,7 +68,10 @@ def write_objects(file: Path, objects: Objects) -> None:
     values = [*o.boxes.T, o.speed, o.points, o.points_in_box, o.distance, o.visibility]
     values += [*pose.T, o.scan_time_s, o.points_in_scan_box]
     if not rules_hold(np.column_stack([o.ids, *values]), OBJECT_NUMBERS, OBJECT_RULES):
-        raise Error("objects: expected values as in objects/*.csv, got a value out of its range")
+        raise Error(
+            "objects: expected values in the ranges of the columns of objects/*.csv, got a value "
+            f"out of range for {file.name}"
+        )
     if pitch is not None and (wrong := ~(np.abs(pitch) <= 2 * np.pi)).any():
         raise Error(f"objects: expected a pitch from -2 pi to 2 pi, got {pitch[wrong][0]:g}")
     known, repeats = np.unique(o.ids[o.ids >= 0], return_counts=True)
@@ -95,7 +98,7 @@ def write_labels(file: Path, labels: Labels, calibration: Calibration | None = N
     scores = np.empty((len(labels), 0)) if labels.scores is None else labels.scores[:, None]
     values = np.column_stack([camera, image, scores])
     if not np.isfinite(values).all():
-        raise Error(f"expected finite values, got {values[~np.isfinite(values)][0]}")
+        raise Error(f"labels: expected finite values, got {values[~np.isfinite(values)][0]}")
     sizes = labels.boxes[labels.names != "DontCare", 3:6]
     if (sizes <= 0).any():
         raise Error(f"boxes: expected sizes above 0, got {sizes.min():g}")

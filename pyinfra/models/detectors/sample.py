@@ -39,7 +39,7 @@ def with_columns(points: Points, columns: int) -> Points:
     """
     if points.shape[1] < columns:
         raise Error(
-            f"points: expected {columns} columns, got {points.shape[1]}: the network uses the age "
+            f"points: expected {columns} columns, got {points.shape[1]}; the network uses the age "
             "of points in stacked frames"
         )
     return points[:, :columns]

@@ -262,8 +262,8 @@ def detect(
         ]
     elif region is not None and not drop_standing:
         raise Error(
-            "region: expected no value for a detector of your own, which gets all points and "
-            "whose boxes are all returned, got an outline"
+            "region: expected no value for a detector of your own, got an outline; such a detector "
+            "gets all points, and all of its boxes are returned"
         )
     elif callable(own := getattr(model, "predict", model)):
         per_frame = [detections_of_own(f.number, own, f.points) for f in track(frames, "frame")]

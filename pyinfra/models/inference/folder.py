@@ -115,7 +115,8 @@ def detector_at_place(model: Path, where: Place, device: str = "cpu", threads: i
     if model.suffix == ".npz" and where.given:
         name = where.given[0]
         raise Error(
-            f"{name}: expected no value for a background model, which has that of its training"
+            f"{name}: expected no value for a background model, got one; the model uses the value "
+            "of its training"
         )
     detector = load_detector(
         model,

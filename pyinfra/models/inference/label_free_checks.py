@@ -56,7 +56,7 @@ def trust_of(
     health = folder_health(folder, frames, period_s) if is_recorded else []
     faulty = [row.frame for row in health if row.problems]
     if text := refusal(frames, period_s, faulty, has_region=region is not None):
-        raise NoQuality(f"{folder}: no measures without labels: {text}")
+        raise NoQuality(f"{folder}: predictions cannot be checked without labels: {text}")
     clouds = [kitti.frame_file(folder, "velodyne", k) for k in frames]
     chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
     learnt = [kitti.read_points(clouds[i]) for i in chosen]

@@ -93,7 +93,10 @@ def export(run: Path, file: Path, *, suppress: bool = True) -> None:
             verbose=False,
         )
     if program is None:
-        raise RuntimeError(f"{run}: the exporter returned nothing")
+        raise RuntimeError(
+            f"{run}: expected an ONNX program from torch.onnx.export, got None; check the versions "
+            "of torch and onnxscript"
+        )
     metadata = {
         "about": json.dumps(as_plain(loaded.provenance)),
         "area": json.dumps(as_plain(network.site)),

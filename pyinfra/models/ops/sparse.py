@@ -112,7 +112,8 @@ class _Layer(nn.Module):
     def _convolved(self, x: SparseTensor, rulebook: Rulebook | Table) -> SparseTensor:
         if rulebook.source is not x.coordinates:
             raise ValueError(
-                f"key {self.key}: expected the voxels of the first layer with this key, got others"
+                f"key {self.key}: expected the voxels of the first layer with this key, got "
+                "different voxels"
             )
         features = convolve(x.features, self.weight, rulebook, self.bias)
         return replace(
@@ -399,7 +400,8 @@ def _sorted_keys(coordinates: Tensor, shape: Triple, pad: Triple) -> tuple[Tenso
         return keys, torch.arange(len(keys), device=keys.device)
     keys, order = keys.sort()
     if (keys[1:] == keys[:-1]).any():
-        raise ValueError("coordinates: expected each voxel once, got a voxel twice")
+        twice = coordinates[order[1:][keys[1:] == keys[:-1]][0]].tolist()
+        raise ValueError(f"coordinates: expected each voxel once, got {twice} twice")
     return keys, order
 
 

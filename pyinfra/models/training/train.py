@@ -106,8 +106,8 @@ def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: P
     (source,) = sources
     if source.accumulation.frames > 1:
         raise Error(
-            "accumulate: expected 1 for background, which uses single frames, got "
-            f"{source.accumulation.frames}"
+            f"accumulate: expected 1 for background, got {source.accumulation.frames}; background "
+            "uses single frames"
         )
     chosen = spread(range(len(source.clouds)), BACKGROUND_FRAMES)
     file = out / "background.npz"
@@ -236,8 +236,8 @@ def common_label_time(sources: Sequence[Source]) -> LabelTime:
     for other in sources:
         if other.label_time != first.label_time:
             raise Error(
-                f"{other.lidar} in {other.scene}: label_time: expected {first.label_time}, as for "
-                f"{first.lidar} in {first.scene}, got {other.label_time}"
+                f"{other.lidar} in {other.scene}: label_time: expected {first.label_time}, got "
+                f"{other.label_time}; {first.lidar} in {first.scene} has {first.label_time}"
             )
     return first.label_time
 
@@ -248,10 +248,10 @@ def common_accumulation(sources: Sequence[Source]) -> Accumulation:
     for other in sources:
         if other.accumulation != first.accumulation:
             raise Error(
-                f"{other.lidar} in {other.scene}: accumulation: expected "
-                f"{first.accumulation.frames} frames, label at {first.accumulation.label_at}, as "
-                f"for {first.lidar} in {first.scene}, got {other.accumulation.frames} frames, "
-                f"label at {other.accumulation.label_at}"
+                f"{other.lidar} in {other.scene}: accumulation: expected the same as for "
+                f"{first.lidar} in {first.scene} ({first.accumulation.frames} frames, label at "
+                f"{first.accumulation.label_at}), got {other.accumulation.frames} frames, label at "
+                f"{other.accumulation.label_at}"
             )
     return first.accumulation
 

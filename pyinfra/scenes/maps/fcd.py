@@ -79,8 +79,8 @@ def _read_csv(file: Path) -> list[Recorded]:
             out.append(Recorded(str(name), type_name, states[at], values["speed"][at], kind))
     if not out:
         raise FormatError(
-            f"{file}: expected columns such as vehicle_id, vehicle_x and vehicle_y, got no such "
-            "columns"
+            f"{file}: expected rows with vehicle_id, vehicle_x and vehicle_y or with those of a "
+            f"person, got no such row in the columns {', '.join(table)[:200]}"
         )
     return out
 

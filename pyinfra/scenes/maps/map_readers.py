@@ -177,8 +177,8 @@ READERS = {
 def _check_side(file: Path, options: ImportOptions) -> None:
     if options.traffic_side is not None:
         raise MapError(
-            f"{file}: `traffic_side`: expected no value, because the map states the side, got "
-            f"{options.traffic_side}"
+            f"{file}: `traffic_side`: expected no value, got {options.traffic_side}; the map "
+            "states the side"
         )
 
 

@@ -39,7 +39,9 @@ def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement)
     """
     name = f"meshes/{file.stem.lower()}.ply"
     if (site / name).exists():
-        raise FileExistsError(f"{site / name}: the site has a mesh of this name; rename {file}")
+        raise FileExistsError(
+            f"{site / name}: expected a new file, got an existing mesh; rename {file}"
+        )
     mounts = feet(site)
     mesh = _placed(_read(file), file, placement)
     away = _away_m(mesh, mounts)

@@ -55,7 +55,10 @@ def netconvert(source: Path, arguments: Sequence[str], out: Path) -> list[str]:
         advice = "; use a smaller map, or another version of SUMO" if error.crashed else ""
         raise MapError(f"{source}: netconvert of SUMO failed: {error}{advice}") from error
     if not out.exists():
-        raise MapError(f"{source}: netconvert of SUMO wrote no network")
+        raise MapError(
+            f"{source}: expected a network from netconvert of SUMO, got none; use another version "
+            "of SUMO"
+        )
     # Comments have the date, and paths of this machine.
     write(out, re.sub(r"<!--.*?-->\s*", "", out.read_text(encoding="utf-8"), flags=re.DOTALL))
     return warnings

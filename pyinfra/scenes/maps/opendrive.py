@@ -62,7 +62,8 @@ def read_opendrive(file: Path) -> SiteMap:
         for count, node in enumerate(root.iter("road")):
             ids.add(node.get("id"))
             if len(ids) <= count:
-                raise MapError(f"road {node.get('id')}: expected each road id once, got it twice")
+                name = node.get("id")
+                raise MapError(f"road {name}: expected each road id once, got '{name}' twice")
             _read_road(node, site_map)
     except MapError as error:
         raise MapError(f"{file}: {error}") from error

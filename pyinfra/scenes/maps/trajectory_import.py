@@ -150,8 +150,8 @@ def _to_metres(
         )
     elif has_site:
         raise FormatError(
-            "x, y: expected metres, because the site's map has no projection, got longitude and "
-            "latitude; write the file without SUMO's option fcd-output.geo"
+            "x, y: expected metres, got longitude and latitude; the site's map has no projection, "
+            "so write the file without SUMO's option fcd-output.geo"
         )
     else:
         projection = centred_on(lon_lat)

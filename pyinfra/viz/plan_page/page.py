@@ -40,7 +40,8 @@ def rewrite_plan_page(folder: Path, out: Path) -> Path:
         ) from error
     if version != FORMAT:
         raise FormatError(
-            f"{file}: format: expected {FORMAT}, got {version}; `pyinfra plan` writes it again"
+            f"{file}: format: expected {FORMAT}, got {version}; run `pyinfra plan` again to write "
+            "the file"
         )
     return write_page(data, out)
 
