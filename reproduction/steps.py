@@ -12,6 +12,7 @@ from reproduction.engine import Command, Step
 TRIAL = "trial at a small size"
 TRAINING = "column train_cpu_s, and 24 s for two tests"
 ESTIMATE = "frames times 0.1 s"
+RUN = "parts that were run"
 TIMES = "trial at a small size, which only measures times"
 SCENES = ("--scenes", ("highway", "crossroad", "curve"))
 OTHER_SCENES = ("--scenes", ("crossroad", "curve"))
@@ -39,7 +40,11 @@ OTHERS = {
 
 
 def experiments(
-    words: str, cpu_h: float, *split: tuple[str, tuple[str, ...]], secondary: bool = False
+    words: str,
+    cpu_h: float,
+    *split: tuple[str, tuple[str, ...]],
+    source: str = TRAINING,
+    secondary: bool = False,
 ) -> Command:
     """Returns a command of `experiments`, split by replicate.
 
@@ -50,7 +55,7 @@ def experiments(
     file = "experiments.csv"
     words = f"experiments {words}"
     return Command(
-        words, cpu_h, TRAINING, "experiments", uses, file, split=split, secondary=secondary
+        words, cpu_h, source, "experiments", uses, file, split=split, secondary=secondary
     )
 
 
@@ -110,10 +115,12 @@ STEPS = (
     Step(
         ("experiments.csv",),
         (
-            experiments(f"{PAPER} {PRIMARY} {TURNED}", 0.7),
-            experiments(f"--scenes highway --presets datasheet {PRIMARY}", 0.45),
-            experiments(f"--scenes crossroad curve {PRIMARY}", 1.8, OTHER_SCENES, PRESETS),
-            experiments("--setups pointpillars", 7.8, SCENES, PRESETS),
+            experiments(f"{PAPER} {PRIMARY} {TURNED}", 0.9, source=RUN),
+            experiments(f"--scenes highway --presets datasheet {PRIMARY}", 0.6, source=RUN),
+            experiments(
+                f"--scenes crossroad curve {PRIMARY}", 3.0, OTHER_SCENES, PRESETS, source=RUN
+            ),
+            experiments("--setups pointpillars", 10.0, SCENES, PRESETS, source=RUN),
             experiments(
                 "--scenes highway --presets datasheet --setups fine-tuned pointpillars "
                 "--law-exponents 0.5",
@@ -214,7 +221,7 @@ STEPS = (
     ),
     Step(
         ("poles.csv",),
-        (Command("poles", 0.4, ESTIMATE, "poles", False, "poles.csv", split=(SEEDS,)),),
+        (Command("poles", 4.2, RUN, "poles", False, "poles.csv", split=(SEEDS,)),),
     ),
     Step(
         ("stress_seeds.csv",),
