@@ -93,3 +93,14 @@ def test_a_folder_without_labels_is_refused(tmp_path: Path) -> None:
         file.unlink()
     with pytest.raises(FormatError, match="expected one or more labels, got none"):
         read_frames(folder)
+
+
+def test_the_tracks_of_a_simulated_folder_are_its_objects(tmp_path: Path) -> None:
+    """Also where other vehicles hide a vehicle, and in frames without a point on it."""
+    data = pi.simulate("crossroad", "helios_16", frames=range(0, 12, 4)).save(tmp_path / "data")
+    folder = data if (data / "training").is_dir() else data / "helios_16"
+    files = [kitti.frame_file(folder, "objects", k) for k in (0, 4, 8)]
+    ids = np.concatenate([kitti.read_objects(file).ids for file in files])
+    tracks = read_frames(folder)
+    assert len(tracks) == len(np.unique(ids)) > 20
+    assert sum(len(track.times) for track in tracks) == len(ids)

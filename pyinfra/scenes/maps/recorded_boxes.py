@@ -127,10 +127,12 @@ def _fill_sizes(file: Path, words: pd.DataFrame, sizes: FloatArray) -> BoolArray
 
 
 def read_frames(folder: Path) -> list[BoxTrack]:
-    """Reads the labelled objects of a LiDAR's folder (KITTI layout) as tracks.
+    """Reads the objects of a LiDAR's folder (KITTI layout) as tracks.
 
-    Objects with the id of a track are that track, of its most frequent class. Others are linked.
-    The tracks are in the world frame. Raises FormatError and OSError.
+    If the ids of `training/objects` are tracks, all its objects are read, and those of one id are
+    a track of its most frequent class. A simulated folder has objects without points there, too.
+    Other objects are labels or have no id; they are linked. The tracks are in the world frame.
+    Raises FormatError and OSError.
     """
     lidar, numbers = read_lidar(folder), np.array(frames(folder), dtype=np.int64)
     tracked = ids_are_tracks(data_set_of(folder)) and (folder / "training/objects").is_dir()
