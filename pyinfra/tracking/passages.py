@@ -79,7 +79,8 @@ def _lanes(offset: FloatArray, sign: int) -> IntArray:
     """Returns lane numbers from 1, from the right in the direction of travel.
 
     This is clustering by average linkage. On a line, the average distance of two clusters is that
-    of their means, and only neighbours are joined.
+    of their means, and only neighbours are joined. SciPy's linkage would need the distances of
+    all pairs in memory.
     """
     order = np.argsort(-sign * offset, kind="stable")
     means, sizes = -sign * offset[order], np.ones(len(offset), np.int64)
