@@ -136,7 +136,8 @@ def _pairs(name: str, value: object) -> Corners:
     if corners.ndim != 2 or corners.shape[1] != 2:
         raise Error(f"{name}: expected an array (m, 2), got shape {corners.shape}")
     if not (finite := np.isfinite(corners).all(axis=1)).all():
-        raise Error(f"{name}: expected finite values, got {corners[~finite][0].tolist()}")
+        first = int(np.argmin(finite))
+        raise Error(f"{name}: corner {first}: expected x and y, got {corners[first].tolist()}")
     return tuple((float(x), float(y)) for x, y in corners)
 
 

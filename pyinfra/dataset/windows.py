@@ -11,7 +11,7 @@ from pyinfra.dataset.roads import Places, Road, offset_curve
 
 REGION_M = 100.0  # a requested range of this value or more selects the whole region
 WINDOW_M = 20.0  # length of a window along its road
-WINDOW_STEP_M = 5.0  # distance between the middles of successive windows
+WINDOW_STEP_M = 5.0  # distance between the centres of successive windows
 EVERY_ROAD = -1
 
 
@@ -69,7 +69,7 @@ class Near:
 
 
 def road_windows(roads: list[Road]) -> list[Window]:
-    """Returns windows of 20 m on each road, with middles at all multiples of 5 m."""
+    """Returns windows of 20 m on each road, with centres at all multiples of 5 m."""
     windows = []
     for index, road in enumerate(roads):
         first = np.ceil(road.s[0] / WINDOW_STEP_M - 1e-9)
@@ -80,7 +80,7 @@ def road_windows(roads: list[Road]) -> list[Window]:
 
 
 def lane_windows(roads: Sequence[Road]) -> list[Window]:
-    """Returns windows of 20 m that cover all roads together, with middles at multiples of 5 m.
+    """Returns windows of 20 m that cover all roads together, with centres at multiples of 5 m.
 
     These windows are used at sites of lanes, which have hundreds of lanes. Some lanes are only a
     few metres long.

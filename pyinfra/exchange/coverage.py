@@ -11,7 +11,7 @@ from pyinfra.formats.kitti import FieldOfView
 
 MOST_POINTS = 20_000  # maximum number of points used per frame, evenly distributed
 ROUNDING_DEG = 1e-4  # so that rounding does not move a direction of 0 below 0
-FULL_GAP_DEG = 30  # least width of a gap in azimuth that is outside the field of view
+FULL_GAP_DEG = 30  # minimum width of a gap in azimuth that is outside the field of view
 
 
 @dataclass

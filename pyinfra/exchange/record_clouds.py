@@ -107,7 +107,7 @@ def points_of(
 
 
 def start_of(records: Records) -> float:
-    """Returns the least absolute time of points in seconds since 1970, or NaN."""
+    """Returns the minimum absolute time of points in seconds since 1970, or NaN."""
     for name in named_fields(records.dtype, TIMES):
         values = records[name]
         values = values[np.isfinite(values) & (values > 0)]

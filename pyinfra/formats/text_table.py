@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -39,14 +39,27 @@ def between(columns: Sequence[str], low: float, high: float, *, whole: bool = Fa
     return ColumnRule(tuple(columns), holds, f"{kind}{low:.10g} to {high:.10g}")
 
 
-def rules_hold(values: FloatArray, columns: Sequence[str], rules: Sequence[ColumnRule]) -> bool:
+def violations(
+    column: Callable[[str], FloatArray], rules: Sequence[ColumnRule]
+) -> Iterator[tuple[str, str, BoolArray]]:
+    """Yields each column of each rule, its allowed values, and a mask (n,) of the wrong rows.
+
+    column: returns the values (n,) of the column with a name.
+    """
+    for rule in rules:
+        for name in rule.columns:
+            yield name, rule.allowed, ~rule.holds(column(name), *map(column, rule.beside))
+
+
+def columns_of(values: FloatArray, names: Sequence[str]) -> Callable[[str], FloatArray]:
+    """Returns a function that returns the column of rows (n, columns) by name."""
+    by_name = dict(zip(names, values.T, strict=False))
+    return by_name.__getitem__
+
+
+def rules_hold(values: FloatArray, names: Sequence[str], rules: Sequence[ColumnRule]) -> bool:
     """Returns whether the rows (n, columns) satisfy all rules."""
-    column = {name: values[:, i] for i, name in enumerate(columns)}
-    return all(
-        bool(rule.holds(column[name], *(column[b] for b in rule.beside)).all())
-        for rule in rules
-        for name in rule.columns
-    )
+    return not any(wrong.any() for _, _, wrong in violations(columns_of(values, names), rules))
 
 
 def lines_of(file: Path, *, whole: bool = False) -> list[str]:
@@ -114,12 +127,10 @@ class NamedRows:
 
         `rows` is a mask (n,) of the rows to check. By default all rows are checked.
         """
-        for rule in rules:
-            for column in rule.columns:
-                holds = rule.holds(self[column], *(self[name] for name in rule.beside))
-                bad = np.flatnonzero(~holds if rows is None else ~holds & rows)
-                if len(bad) > 0:
-                    self.fail(int(bad[0]), f"{self[column][bad[0]]:g}", rule.allowed, column)
+        for column, allowed, wrong in violations(self.__getitem__, rules):
+            bad = np.flatnonzero(wrong if rows is None else wrong & rows)
+            if len(bad) > 0:
+                self.fail(int(bad[0]), f"{self[column][bad[0]]:g}", allowed, column)
 
     def fail(self, row: int, got: str, allowed: str, column: str = "") -> NoReturn:
         at = f"{self.file}:{self.lines[row]}: {column}{': ' * bool(column)}"

@@ -21,16 +21,16 @@ from pyinfra.core.errors import Error
 
 SLOT_S = 1.0  # unit of time that is resampled as a whole
 BLOCK_STEP_S = 5.0  # block lengths are multiples of this, so that they agree between LiDARs
-LEAST_BLOCK_S = 20.0  # least block length, because false positives can outlast vehicles
+LEAST_BLOCK_S = 20.0  # minimum block length; false positives can last longer than vehicles
 # Block length for vehicles without ids, whose stay is unknown. It suits a motorway.
 UNKNOWN_BLOCK_S = 20.0
 REPLICATES = 1000
 SEED = 1
-MIN_BLOCKS = 4.0  # least number of blocks for an interval
+MIN_BLOCKS = 4.0  # minimum number of blocks for an interval
 FEW_BLOCKS = f"vehicles are in fewer than {MIN_BLOCKS:g} blocks of time"
 NO_INTERVAL = f"(no interval: {FEW_BLOCKS})"
 LEVEL = 0.95
-LEAST_DEFINED = 0.5  # least share of replicates in which a figure must be defined
+LEAST_DEFINED = 0.5  # minimum share of replicates in which a figure must be defined
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 Predictions are compared with moving points: the points that remain when the static background of a
 fixed sensor is subtracted. Standing vehicles have no moving points, but moving leaves have some.
-Therefore no measure is an error rate by itself. All measures depend on the least score of the
+Therefore no measure is an error rate by itself. All measures depend on the minimum score of the
 boxes.
 
 - A box is *confirmed* if it contains at least POINTS moving points.
@@ -39,7 +39,7 @@ HERE_M = 1.0  # boxes whose centres are at most this far apart are at the same p
 HALF = 0.5
 FASTEST_M_S = 45.0
 SLACK_M = 1.0  # tolerance for the position error of a box
-LEAST_FRAMES = 5  # least number of frames for `flickers` and `stands`
+LEAST_FRAMES = 5  # minimum number of frames for `flickers` and `stands`
 # The measures are not computed for shorter recordings, or for frames with more gaps or faults.
 LEAST_S = 10.0
 LEAST_CONSECUTIVE = 0.8
@@ -87,7 +87,7 @@ def trust(
     cuts: Sequence[float] = CUTS,
     faulty: Collection[int] = (),
 ) -> list[Trust]:
-    """Returns a row for each least score in `cuts`.
+    """Returns a row for each minimum score in `cuts`.
 
     frames: numbers of all frames, ascending. moving: (n,) number of moving points in each detected
     box. off_region: (n,) whether a box is outside the region; None if no region is known. clusters:

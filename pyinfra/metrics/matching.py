@@ -26,7 +26,7 @@ TIE = 1e-9
 IOU = 0.5  # least IoU of footprints for a match with a vehicle
 PERSON_IOU = 0.25  # least IoU for pedestrians and cyclists; lower, as their footprints are small
 CENTRE_M = 0.5  # largest distance of centres for a match by metric `centre`
-LEAST_OVERLAP = 0.1  # least overlap of a pair; a lower overlap is taken as 0
+LEAST_OVERLAP = 0.1  # minimum overlap of a pair; a lower overlap is taken as 0
 _PAIRS = 500_000  # number of pairs that are processed together
 
 

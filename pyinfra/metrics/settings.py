@@ -37,9 +37,9 @@ class Settings:
     protocols : `definition` is AP at 40 and at 1,000 recalls. `r11` is AP at 11 recalls. `kitti` is
         AP at 40 recalls, with the sampling and the strict threshold of KITTI's devkit
     metrics : `bev`, `3d` or `centre`
-    min_score : least score of a prediction that is evaluated
-    min_points : least number of points on a captured vehicle
-    min_objects : least number of objects in an area whose quality is determined
+    min_score : minimum score of a prediction that is evaluated
+    min_points : minimum number of points on a captured vehicle
+    min_objects : minimum number of objects in an area whose quality is determined
     cut_first : whether to also compute the AP of each window after all boxes outside the window
         are removed before matching
     block_s : block length of the bootstrap in seconds; by default the mean stay of a vehicle

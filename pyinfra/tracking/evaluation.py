@@ -23,7 +23,7 @@ from pyinfra.tracking.lines import AnyLines, Line, lines_of
 from pyinfra.tracking.movements import movements
 from pyinfra.tracking.passages import passages
 
-VISIBLE = 0.2  # least visible share of an evaluated vehicle
+VISIBLE = 0.2  # minimum visible share of an evaluated vehicle
 PASSAGE_S, PASSAGE_M = 1.5, 2.5  # largest differences between a passage and its truth
 _RISE = 5  # frames before and after a frame, over which the true speed is measured
 

@@ -18,6 +18,7 @@ from matplotlib.patches import Circle, Patch
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.files import check_output, replacing
 from pyinfra.formats.ply import read_ply
+from pyinfra.scenes.maps import site_folder
 from pyinfra.scenes.maps.lane_map import MapError
 from pyinfra.viz.picture_style import STYLE, legend_below
 from pyinfra.viz.plan_marks import draw_north, draw_scale
@@ -114,7 +115,7 @@ def plan(folder: Path, radius_m: float | None = None) -> Figure:
             axes.add_patch(
                 Circle((tree["x_m"], tree["y_m"]), 2.5, color=COLOURS["vegetation"], zorder=4)
             )
-        features = read_features(folder)
+        features = site_folder.features(folder)
         for kind, xy in features.items():
             axes.plot(*xy.T, linestyle="none", zorder=5, **_look(kind))
         for name, mount in scene["mounts"].items():
@@ -163,27 +164,6 @@ def _draw_lanes(axes: Axes, lanes: dict[str, FloatArray]) -> None:
     axes.quiver(
         *xy.T, *uv.T, angles="xy", scale_units="xy", scale=0.3, width=0.001, color="0.2", zorder=4
     )
-
-
-def read_features(folder: Path) -> dict[str, FloatArray]:
-    """Returns x, y (n, 2) of the features in map.yaml by kind.
-
-    The result is empty if the file does not exist. Raises MapError.
-    """
-    file = folder / "map.yaml"
-    if not file.exists():
-        return {}
-    try:
-        listed = (yaml.safe_load(file.read_text()) or {}).get("features", {})
-        return {
-            str(kind): np.array([(float(row["x_m"]), float(row["y_m"])) for row in rows])
-            for kind, rows in listed.items()
-        }
-    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
-        raise MapError(
-            f"{file}: features: expected for each kind a list of x_m and y_m, got a missing or "
-            f"wrong value: {error}"
-        ) from error
 
 
 def _look(kind: str) -> dict[str, Any]:

@@ -249,7 +249,7 @@ def wait_for(device: torch.device) -> None:
 
 
 def check_kernels(bench: Bench) -> None:
-    """Compares the Triton kernels with their twins; uses the twins if they differ or fail."""
+    """Compares the Triton kernels with PyTorch, and uses PyTorch if they differ or fail."""
     if bench.device.type != "cuda" or not triton_kernels.enabled:
         return
     generator = torch.Generator().manual_seed(SEED)
@@ -276,7 +276,7 @@ def check_kernels(bench: Bench) -> None:
 
 
 def check_layers(bench: Bench) -> None:
-    """Compares the sparse convolution in Triton with its twin, and all layers for failures."""
+    """Compares the sparse convolution in Triton with PyTorch, and tests all layers for failures."""
     if bench.device.type != "cuda" or not triton_kernels.enabled:
         return
     generator = torch.Generator().manual_seed(SEED)

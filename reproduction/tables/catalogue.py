@@ -15,7 +15,7 @@ GRADES = ("vendor", "driver", "third party", "nominal")  # grades of sources in 
 ASSUMPTIONS = {
     "range_at_10_percent_m": "range by reflectance and light",
     "beam": "width of the beam",
-    "echoes": "least distance of two echoes",
+    "echoes": "minimum distance of two echoes",
 }
 
 

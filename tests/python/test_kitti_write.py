@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from message_pattern import pattern
 
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.formats import kitti
 
 # A calibration and a label with the digits of KITTI, in the devkit's format.
@@ -188,6 +188,38 @@ def test_any_objects_round_trip(
             assert read.names.tolist() == column.tolist()
         elif column is not None:
             np.testing.assert_allclose(getattr(read, name), column, atol=6e-5, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "message"),
+    [
+        ("visibility", 1.5, "objects: visibility: expected 0 to 1, or -1, got 1.5 for object 1"),
+        ("speed", -1.0, "objects: speed: expected 0 to 1000, got -1 for object 1"),
+        ("points_in_box", 9, "objects: points_in_box: expected at most the value of `points`"),
+    ],
+)
+def test_a_wrong_value_of_an_object_is_named(
+    tmp_path: Path, column: str, value: float, message: str
+) -> None:
+    boxes = np.array([[10.0, 0, 0, 4, 2, 1.5, 0], [20.0, 0, 0, 4, 2, 1.5, 0]])
+    objects = kitti.Objects(
+        ids=np.arange(2),
+        names=np.array(["Car", "Car"]),
+        boxes=boxes,
+        speed=np.zeros(2),
+        points=np.array([5, 5]),
+        points_in_box=np.array([5, 5]),
+        distance=np.array([10.0, 20.0]),
+        visibility=np.ones(2),
+        scan_boxes=boxes,
+        scan_time_s=np.zeros(2),
+        points_in_scan_box=np.array([5, 5]),
+        pitch=None,
+    )
+    getattr(objects, column)[1] = value
+    with pytest.raises(Error, match=message):
+        kitti.write_objects(tmp_path / "000000.csv", objects)
+    assert list(tmp_path.iterdir()) == []
 
 
 @settings(max_examples=300)

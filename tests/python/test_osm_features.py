@@ -11,14 +11,16 @@ from matplotlib.colors import to_hex
 from site_maps import Osm
 
 from pyinfra.cli.main import main
+from pyinfra.core.errors import FormatError
 from pyinfra.formats.ply import read_ply
+from pyinfra.scenes.maps import site_folder
 from pyinfra.scenes.maps.lane_map import MapError
 from pyinfra.scenes.maps.map_import import import_map
 from pyinfra.scenes.maps.map_readers import ImportOptions
 from pyinfra.scenes.maps.opendrive import read_opendrive
 from pyinfra.scenes.maps.osm_features import sides_without
 from pyinfra.scenes.maps.sumo import sumo_folder
-from pyinfra.viz.site_plan import MARKERS, plan, read_features
+from pyinfra.viz.site_plan import MARKERS, plan
 
 pytest.importorskip("sumo", reason="needs the extra `site`")
 
@@ -68,7 +70,7 @@ def test_what_stands_at_streets_is_listed_and_drawn_where_it_is(tmp_path: Path) 
     assert {kind.replace("_", " ") for kind in listed} <= names
     assert {"N", "100 m"} <= {text.get_text().strip() for text in figure.axes[0].texts}
     drawn = [line for line in figure.axes[0].lines if line.get_linestyle() == "None"]
-    for kind, positions in read_features(site).items():
+    for kind, positions in site_folder.features(site).items():
         look = MARKERS.get(kind, (".", "#555555"))
         assert any(
             np.array_equal(np.asarray(line.get_xydata()), positions)
@@ -192,14 +194,17 @@ def test_crossings_of_a_network_are_listed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["features: 3", "features: {bus_stop: [{x_m: a}]}", "features: {a: 1}"]
+    ("text", "expected"),
+    [
+        ("features: 3", "features: expected kinds with positions, got 3"),
+        ("features: {bus_stop: [{x_m: a}]}", "bus_stop: expected a list of positions with the key"),
+        ("features: {a: 1}", "features: a: expected a list of positions with the keys"),
+    ],
 )
-def test_a_broken_list_is_named_when_drawn(tmp_path: Path, text: str) -> None:
+def test_a_broken_list_of_features_is_named(tmp_path: Path, text: str, expected: str) -> None:
     (tmp_path / "map.yaml").write_text(text)
-    with pytest.raises(
-        MapError, match=r"map\.yaml: features: expected for each kind a list of x_m and y_m"
-    ):
-        read_features(tmp_path)
+    with pytest.raises(FormatError, match=rf"map\.yaml: .*{expected}"):
+        site_folder.features(tmp_path)
 
 
 def test_trees_leave_the_space_over_lanes_free(tmp_path: Path, infrasim: Infrasim) -> None:

@@ -380,8 +380,8 @@ struct SceneConfig {
   std::optional<std::vector<PeopleConfig>> people;
   std::optional<std::vector<StandingPeopleConfig>> standing_people;
   std::string trajectories;  ///< a file that replaces `traffic`, relative to the scene file
-  /// For each LiDAR, a file with the hits of static surfaces, which are then not cast. The path is
-  /// relative to the scene file.
+  /// For each LiDAR, a file with the hits of rays on static surfaces. The hits in the file are not
+  /// computed again. The path is relative to the scene file.
   std::optional<std::map<std::string, std::string>> static_layers;
   std::filesystem::path folder;  ///< folder of the scene file; not a key
   std::string preset;            ///< the preset that the file was read for; not a key

@@ -26,7 +26,7 @@ struct SubRay {
 /// same power and a gain of 1.
 class EchoMerger {
  public:
-  /// @param separation_m least distance between two echoes of a beam
+  /// @param separation_m minimum distance between two echoes of a beam
   EchoMerger(double separation_m, const EchoPath& path)
       : separation_m_(static_cast<float>(separation_m)), path_(path) {}
 

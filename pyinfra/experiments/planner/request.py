@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import yaml
 
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.errors import Error, FormatError
@@ -18,6 +17,7 @@ from pyinfra.dataset.roads import Road
 from pyinfra.experiments.planner.detectability import Detectability
 from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.formats.csv_table import check_columns, expect, read_csv
+from pyinfra.scenes.maps import site_folder
 
 DISTANCES = (1.0, 0.5, 1.5)  # factors on the request's distance; each has a front
 RANGES = {  # allowed ranges of arguments of `plan`
@@ -242,20 +242,8 @@ def crossings_of(folder: Path, weight: float) -> tuple[Area, ...]:
 
     The result is empty without map.yaml. Raises FormatError.
     """
-    file = folder / "map.yaml"
-    if not file.is_file():
-        return ()
-    try:
-        record = yaml.safe_load(file.read_text(encoding="utf-8")) or {}
-        return tuple(
-            Area(CROSSINGS, float(one["x_m"]), float(one["y_m"]), CROSSING_M, weight, "person")
-            for one in (record.get("features") or {}).get("crossing", ())
-        )
-    except (yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
-        raise FormatError(
-            f"{file}: features: expected for each kind a list of x_m and y_m, got a missing or "
-            f"wrong value: {error}"
-        ) from error
+    crossings = site_folder.features(folder).get("crossing", ())
+    return tuple(Area(CROSSINGS, x, y, CROSSING_M, weight, "person") for x, y in crossings)
 
 
 def of_name(areas: tuple[Area, ...], name: str, objects: pd.DataFrame) -> BoolArray:

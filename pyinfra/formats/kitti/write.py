@@ -22,7 +22,7 @@ from pyinfra.formats.kitti.layout import (
     frame_file,
 )
 from pyinfra.formats.kitti.read import OBJECT_NUMBERS, OBJECT_RULES, PITCHED_HEADER
-from pyinfra.formats.text_table import rules_hold
+from pyinfra.formats.text_table import columns_of, violations
 
 # Formats of OBJECT_COLUMNS.
 _OBJECT_LINE = (
@@ -67,11 +67,13 @@ def write_objects(file: Path, objects: Objects) -> None:
     pose = o.scan_boxes[:, [0, 1, 2, 6]]
     values = [*o.boxes.T, o.speed, o.points, o.points_in_box, o.distance, o.visibility]
     values += [*pose.T, o.scan_time_s, o.points_in_scan_box]
-    if not rules_hold(np.column_stack([o.ids, *values]), OBJECT_NUMBERS, OBJECT_RULES):
-        raise Error(
-            "objects: expected values in the ranges of the columns of objects/*.csv, got a value "
-            f"out of range for {file.name}"
-        )
+    column = columns_of(np.column_stack([o.ids, *values]), OBJECT_NUMBERS)
+    for name, allowed, wrong in violations(column, OBJECT_RULES):
+        if wrong.any():
+            row = int(wrong.argmax())
+            raise Error(
+                f"objects: {name}: expected {allowed}, got {column(name)[row]:g} for object {row}"
+            )
     if pitch is not None and (wrong := ~(np.abs(pitch) <= 2 * np.pi)).any():
         raise Error(f"objects: expected a pitch from -2 pi to 2 pi, got {pitch[wrong][0]:g}")
     known, repeats = np.unique(o.ids[o.ids >= 0], return_counts=True)

@@ -244,7 +244,7 @@ class _Rectangles:
     """Clusters with the rectangles around their points, in axes turned by the heading."""
 
     heading: Floats  # (c,)
-    low: Floats  # (c, 2) least coordinates ahead and to the left
+    low: Floats  # (c, 2) minimum coordinates ahead and to the left
     high: Floats  # (c, 2) largest coordinates
     bottom: Floats  # (c,) z of the ground
     lowest: Floats  # (c,) height of the lowest point above the ground

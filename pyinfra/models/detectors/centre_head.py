@@ -30,7 +30,7 @@ from pyinfra.models.detectors.network import Losses
 from pyinfra.models.ops.constants import constant, numbers, owners
 
 BOX_WEIGHT, DIRECTION_WEIGHT = 0.5, 0.2
-LEAST_CELLS = 0.6  # least standard deviation of a Gaussian, in cells
+LEAST_CELLS = 0.6  # minimum standard deviation of a Gaussian, in cells
 
 
 class CentreHead(nn.Module):
@@ -128,7 +128,7 @@ class CentreHead(nn.Module):
         return cell[:, 1].clamp(max=shape[0] - 1), cell[:, 0].clamp(max=shape[1] - 1)
 
     def middle_of(self, row: Tensor, column: Tensor) -> Tensor:
-        """Returns x, y of the middles of cells in metres: (k, 2)."""
+        """Returns x, y of the centres of cells in metres: (k, 2)."""
         cell = torch.stack([column, row], dim=1)
         low = constant(self.site.area.low[:2], row, torch.float32)
         return low + (cell + 0.5) * self.cell_m

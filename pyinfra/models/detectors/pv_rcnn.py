@@ -315,7 +315,7 @@ def is_around(xyz: Tensor, boxes: Tensor, margin_m: float) -> Tensor:
 
 
 def grid_points(boxes: Tensor, grid: int) -> Tensor:
-    """Returns the middles of the grid cells in each box (r, 7): (r, grid^3, 3)."""
+    """Returns the centres of the grid cells in each box (r, 7): (r, grid^3, 3)."""
     share = (torch.arange(grid, device=boxes.device) + 0.5) / grid - 0.5
     local = torch.cartesian_prod(share, share, share) * boxes[:, None, 3:6]
     return boxes[:, None, :3] + _turned(local, boxes[:, 6, None])

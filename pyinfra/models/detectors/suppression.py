@@ -10,7 +10,7 @@ from pyinfra.models.detectors import Detections
 from pyinfra.models.detectors.calibration import calibrated
 from pyinfra.models.ops.kernels import kernels
 
-MIN_SCORE = 0.1  # least score of returned boxes, before calibration
+MIN_SCORE = 0.1  # minimum score of returned boxes, before calibration
 NMS_IOU = 0.1  # largest IoU of footprints of two boxes of a frame, as vehicles do not overlap
 CANDIDATES = 4096  # largest number of boxes that enter the suppression, best first
 MOST_BOXES = 200  # largest number of returned boxes of a frame and class

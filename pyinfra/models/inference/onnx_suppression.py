@@ -13,7 +13,7 @@ from pyinfra.models.detectors.suppression import NMS_IOU
 # Whether a box remains depends on better boxes, which can depend on others. Each step follows one
 # more link of such a chain. Longer chains than STEPS do not occur in practice.
 STEPS = 12
-FLAT = 1e-6  # least change of a coordinate along an edge, metres
+FLAT = 1e-6  # minimum change of a coordinate along an edge, metres
 
 
 def remaining(boxes: Tensor, scores: Tensor, classes: Tensor, min_score: float) -> Tensor:

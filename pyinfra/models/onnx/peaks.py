@@ -76,7 +76,7 @@ class Peaks:
         return np.asarray((heading + half) % (2 * half) - half, np.float32)
 
     def middle_of(self, row: IntArray, column: IntArray) -> Float32Array:
-        """Returns x, y of the middles of cells in metres: (k, 2)."""
+        """Returns x, y of the centres of cells in metres: (k, 2)."""
         cell = np.stack([column, row], axis=1).astype(np.float32)
         return self.low + (cell + np.float32(0.5)) * self.cell_m
 

@@ -1,7 +1,7 @@
 """Farthest point sampling and search in balls on a GPU, in Triton.
 
-Each function has a twin in PyTorch in clouds.py, which tests compare. PyTorch's CUDA builds for
-Linux bring Triton, which compiles the kernels at their first use.
+Each function has an equivalent in PyTorch in clouds.py; tests compare both. PyTorch's CUDA builds
+for Linux bring Triton, which compiles the kernels at their first use.
 """
 
 import os
@@ -22,7 +22,7 @@ def usable(tensor: Tensor) -> bool:
     return enabled and (tensor.device.type == "cuda" or INTERPRETED)
 
 
-enabled = triton is not None  # if False, the twins in PyTorch are used
+enabled = triton is not None  # if False, the PyTorch functions are used
 # Products and sums are rounded one by one, as in PyTorch, so that both choose the same points.
 ROUNDING = {"enable_fp_fusion": False}
 INTERPRETED = os.environ.get("TRITON_INTERPRET") == "1"  # Triton's own variable, for tests on a CPU

@@ -1,8 +1,8 @@
 """Sparse convolution, attention in sets and maxima on a GPU, in Triton, with gradients.
 
-Each function has a twin in PyTorch (sparse.py, dsvt.py and pointnet.py), which tests compare. The
-kernels gather rows while they multiply, so that no gathered array is written. No two programs write
-to the same row, so the results are reproducible.
+Each function has an equivalent in PyTorch (sparse.py, dsvt.py and pointnet.py); tests compare both.
+The kernels gather rows while they multiply, so that no gathered array is written. No two programs
+write to the same row, so the results are reproducible.
 """
 
 from typing import Any
@@ -18,7 +18,7 @@ try:
 except ImportError:  # as in triton_kernels.py
     triton = None
 
-enabled = True  # if False, the twins in PyTorch are used
+enabled = True  # if False, the PyTorch functions are used
 ROWS = 64  # rows of one program
 SPLITS = 32  # programs that share the sum over rows of a gradient of weights
 LARGEST_SET, LARGEST_HEAD = 64, 64  # limits of the attention, whose programs hold whole sets

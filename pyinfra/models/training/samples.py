@@ -29,7 +29,7 @@ class Augmentation:
     rotation_deg: float = ruled(0.0, 0, 180)  # largest rotation in both directions
     scale: float = ruled(0.0, 0, 0.5)  # largest relative change of scale, up and down
     pasted: int = ruled(0, 0, 100)  # most objects pasted from another frame, at the same positions
-    least_points: int = ruled(5, 0, 1000)  # least number of points on a pasted object
+    least_points: int = ruled(5, 0, 1000)  # minimum number of points on a pasted object
     shadows: bool = False  # whether pasted objects hide the points behind them
     drop_out: float = ruled(0.0, 0, 0.99)  # largest share of points that is removed
     lost_lines: float = ruled(0.0, 0, 0.99)  # largest share of elevation rows that is removed

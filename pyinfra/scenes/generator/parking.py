@@ -8,7 +8,7 @@ from pyinfra.scenes.generator.random_stream import RandomStream
 from pyinfra.scenes.generator.road_types import RoadType
 from pyinfra.scenes.generator.roadside_ranges import ParkingRanges
 
-# Distance from the lanes to the middles of parked vehicles. It is half the width of a van that is
+# Distance from the lanes to the centres of parked vehicles. It is half the width of a van that is
 # slightly turned.
 KERB_ROW_M = 1.6
 KERB_REACH_M = 3.2  # distance from the lanes to the far sides of parked vehicles

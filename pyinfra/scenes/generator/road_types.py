@@ -49,7 +49,7 @@ class RoadType:
     houses: float
     posts: float  # sign posts and lamp posts
     boxes: tuple[int, int]  # number of cabinets, shelters and containers, which resemble vehicles
-    wood: float  # share of the road sides without houses that have a wood
+    wood: float  # share of roadsides with a wood, of those without houses
     wild: tuple[int, int]  # number of single bushes and trees per side
     kerb_parking: float  # share of roads with a parking lane
     car_park: float  # share of road sides with a car park

@@ -89,7 +89,7 @@ class ParkingRanges:
     length_m: Range = (18, 70)
     along_m: Range = (-90, 90)  # middle of a car park, from the station nearest to the focus
     away_m: Range = (2.0, 10.0)  # distance of a car park from the outer edge of the road
-    # Distance between the middles of two rows of bays that stand back to back. The longest car at
+    # Distance between the centres of two rows of bays that stand back to back. The longest car at
     # 60 degrees needs 6.37 m, and may be parked 0.15 m off.
     back_to_back_m: float = 6.8
     aisle_m: float = 6.0

@@ -184,11 +184,10 @@ def checked_lanes(
         rise = np.abs(steps[:, 2]) - STEEPEST * np.hypot(*steps[:, :2].T)
         if rise.max() > 0.1:
             at = int(rise.argmax())
-            x, y, z = lane.centre[at]
+            x, y, _ = lane.centre[at]
             raise MapError(
-                f"{source}: lane {lane.name}: expected grades up to {STEEPEST:.0%}, got a rise of "
-                f"{abs(steps[at, 2]):.1f} m over {np.hypot(*steps[at, :2]):.1f} m at "
-                f"{x:.1f} {y:.1f} {z:.1f}"
+                f"{source}: lane {lane.name}: expected grades up to {STEEPEST:.0%}, got a step of "
+                f"{abs(steps[at, 2]):.1f} m in height at x = {x:.1f} m, y = {y:.1f} m"
             )
     if not any(lane.driveable for lane in lanes):
         raise MapError(f"{source}: expected one or more lanes for vehicles, got none")

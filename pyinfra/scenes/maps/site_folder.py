@@ -71,6 +71,28 @@ def offset(site: Path) -> FloatArray:
     return vector
 
 
+def features(site: Path) -> dict[str, FloatArray]:
+    """Reads x y (n, 2) of the features in map.yaml by kind, such as `crossing`, world frame.
+
+    The result is empty without the file. Raises FormatError.
+    """
+    file = site / MAP
+    listed = read_keys(file).get("features") if file.exists() else None
+    if not isinstance(listed, dict | None):
+        raise FormatError(f"{file}: features: expected kinds with positions, got {listed!r}")
+    positions = {}
+    for kind, rows in (listed or {}).items():
+        try:
+            xy = [(float(row["x_m"]), float(row["y_m"])) for row in rows]
+        except (KeyError, TypeError, ValueError):
+            raise FormatError(
+                f"{file}: features: {kind}: expected a list of positions with the keys x_m and "
+                f"y_m, got {str(rows)[:40]}"
+            ) from None
+        positions[str(kind)] = np.array(xy).reshape(-1, 2)
+    return positions
+
+
 def projection(site: Path) -> Projection | None:
     """Reads the projection of the site's network, or returns None if it is unknown.
 

@@ -20,7 +20,7 @@ from pyinfra.experiments.planner.request import Area
 from pyinfra.experiments.planner.site import PlanSite, junction_middle
 from pyinfra.formats.ply import read_ply
 from pyinfra.scenes.generator.layout import PlannedRoad
-from pyinfra.viz.site_plan import read_features
+from pyinfra.scenes.maps import site_folder
 
 MARGIN_M = 12.0
 LINE_STEP = 4  # every fourth point of a road line is drawn
@@ -192,7 +192,7 @@ def _trunks(
 
 def _features(folder: Path) -> Iterator[str]:
     """Yields the crossings, and the stops of buses and trams."""
-    features = read_features(folder)
+    features = site_folder.features(folder)
     for x, y in features.get("crossing", ()):
         half = CROSSING_M
         lines = [np.array([[x - half, y + k], [x + half, y + k]]) for k in (-half, 0, half)]
