@@ -31,7 +31,7 @@ from torch import Tensor
 
 from pyinfra.core import boxes as exact
 from pyinfra.core.version import __version__
-from pyinfra.models.ops import boxes, points, sparse
+from pyinfra.models.ops import boxes, points, rulebooks, sparse
 from reproduction import add_out
 
 VERSION = 1  # version of the results; increase it if a change alters the results
@@ -52,7 +52,7 @@ def in_torch(work: Callable[[], object]) -> Callable[[], object]:
     """Returns a function that runs `work` without the compiled kernels."""
 
     def plain() -> object:
-        modules: list[Any] = [boxes, points, sparse]
+        modules: list[Any] = [boxes, points, rulebooks]
         kernels = [module.kernels for module in modules]
         for module in modules:
             module.kernels = None
@@ -162,11 +162,11 @@ def sparse_ways(random: np.random.Generator) -> Iterator[tuple[str, Ways]]:
     at = voxels(frame(random, 40_000))
     other = optional("spconv.pytorch")
 
-    def same() -> sparse.Rulebook:
-        return sparse.submanifold_rulebook(at, GRID, (3, 3, 3))
+    def same() -> rulebooks.Rulebook:
+        return rulebooks.submanifold_rulebook(at, GRID, (3, 3, 3))
 
-    def down() -> sparse.Rulebook:
-        return sparse.strided_rulebook(at, GRID, (3, 3, 3), (2, 2, 2), (1, 1, 1))
+    def down() -> rulebooks.Rulebook:
+        return rulebooks.strided_rulebook(at, GRID, (3, 3, 3), (2, 2, 2), (1, 1, 1))
 
     n = f"{len(at):,} voxels"
     yield f"submanifold rulebook, {n}", {"compiled": same, "torch": in_torch(same)}

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pyinfra.api import benchmark, train
+    from pyinfra.api import benchmark, export_onnx, train
     from pyinfra.conversion import export, export_tracks, import_map, import_recording
     from pyinfra.core.errors import Error, FindingWarning
     from pyinfra.core.version import __version__
@@ -30,15 +30,11 @@ if TYPE_CHECKING:
     from pyinfra.experiments.planner.plan import Plan, plan
     from pyinfra.experiments.stress.runner import stress
     from pyinfra.folders import (
-        export_onnx,
-        pictures,
         propose_region,
-        report,
         split,
         statistics,
         trust,
         validate,
-        view,
     )
     from pyinfra.metrics.compare import compare
     from pyinfra.metrics.comparison import Interval
@@ -53,6 +49,7 @@ if TYPE_CHECKING:
         register_detector,
     )
     from pyinfra.models.inference.detections import Detections
+    from pyinfra.pages import pictures, report, view
     from pyinfra.sites import (
         draw_site,
         import_mesh,
@@ -92,7 +89,7 @@ _MODULES = {
     "evaluate_tracks": "pyinfra.tracking.evaluation",
     "export": "pyinfra.conversion",
     "export_tracks": "pyinfra.conversion",
-    "export_onnx": "pyinfra.folders",
+    "export_onnx": "pyinfra.api",
     "import_map": "pyinfra.conversion",
     "import_mesh": "pyinfra.sites",
     "import_recording": "pyinfra.conversion",
@@ -106,7 +103,7 @@ _MODULES = {
     "load_lidar": "pyinfra.dataset.loading",
     "load_scene": "pyinfra.dataset.loading",
     "make_sites": "pyinfra.sites",
-    "pictures": "pyinfra.folders",
+    "pictures": "pyinfra.pages",
     "plan": "pyinfra.experiments.planner.plan",
     "plot_ap_by_distance": "pyinfra.viz.plots",
     "plot_frame": "pyinfra.viz.frame_plot",
@@ -115,7 +112,7 @@ _MODULES = {
     "propose_region": "pyinfra.folders",
     "recommend": "pyinfra.experiments.option_table",
     "register_detector": "pyinfra.models.inference.boxes_table",
-    "report": "pyinfra.folders",
+    "report": "pyinfra.pages",
     "simulate": "pyinfra.dataset.simulated",
     "simulate_traffic": "pyinfra.sites",
     "split": "pyinfra.folders",
@@ -125,7 +122,7 @@ _MODULES = {
     "train": "pyinfra.api",
     "trust": "pyinfra.folders",
     "validate": "pyinfra.folders",
-    "view": "pyinfra.folders",
+    "view": "pyinfra.pages",
 }
 
 __all__ = [

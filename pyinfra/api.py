@@ -192,3 +192,48 @@ def benchmark(
         pool = Pool("local", jobs, "", gpu=device != "cpu")
         run(plan, workspace, pool, device=device, progress=progress or show_line)
     return read(workspace.table("experiments"))
+
+
+@public()
+def export_onnx(model: TrainedDetector | StrPath, out: StrPath) -> Path:
+    """Writes a dense detector as one ONNX file: from points to boxes, with suppression.
+
+    The input `points` is (n, 4) float32, n >= 1: x y z and intensity (0 to 1), inside the area in
+    the metadata of the file.
+    The outputs are `boxes` (k, 7) and `scores` (k,), best first, and with several classes their
+    numbers `classes` (k,). z of points and boxes is the height above the road, and scores are not
+    calibrated.
+
+    Parameters
+    ----------
+    model : a trained `pointpillars` or `centerpoint-pillar`: a result of `train` or
+        `load_detector`, or the folder or name of a model
+    out : .onnx file
+
+    Returns
+    -------
+    Path of the file
+
+    Raises
+    ------
+    Error : for a detector of another kind, or of stacked frames
+
+    Examples
+    --------
+    >>> import pyinfra as pi
+    >>> try:
+    ...     pi.export_onnx("nothing", "model.onnx")
+    ... except pi.Error as error:
+    ...     print(str(error).partition(":")[0])
+    model
+    """
+    from pyinfra.models.inference.boxes_table import TrainedDetector
+    from pyinfra.models.pytorch import need_pytorch
+
+    need_pytorch()
+    from pyinfra.models.inference.onnx import export
+
+    file = path_of(out, "out")
+    run = model.file if isinstance(model, TrainedDetector) else path_of(model, "model")
+    export(run, file)
+    return file

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -13,24 +13,20 @@ from typing import TYPE_CHECKING, TypeAlias
 import pandas as pd
 
 from pyinfra.core.errors import Error
-from pyinfra.core.files import regular_files_only
 from pyinfra.core.names import StrPath, path_of
 from pyinfra.core.public import CALLER, public
-from pyinfra.core.vocabulary import Tier
 from pyinfra.dataset.frame_sequence import FrameSequence
 from pyinfra.dataset.sequence_folder import on_disk
 from pyinfra.dataset.split import TRAIN_UNTIL_S, VAL_FROM_S, By
 
 if TYPE_CHECKING:
-    from pyinfra.models.inference.boxes_table import TrainedDetector
     from pyinfra.models.inference.region_proposal import Proposal
 
 AnyData: TypeAlias = "FrameSequence | StrPath | Sequence[StrPath]"
-SECTIONS = "pyinfra.viz.report.contents"
 
 
 @contextmanager
-def _folders(data: AnyData, *, of_lidar: bool = False) -> Iterator[list[Path]]:
+def folders_of(data: AnyData, *, of_lidar: bool = False) -> Iterator[list[Path]]:
     """Context manager that gives the folders of data; frames in memory get a temporary folder.
 
     of_lidar: whether frames of a sequence give the LiDAR's folder; otherwise the data set.
@@ -144,7 +140,7 @@ def validate(
     from pyinfra.metrics.frame_checks import validate as findings_of
 
     found = None if predictions is None else path_of(predictions, "predictions")
-    with _folders(data, of_lidar=True) as (folder,):
+    with folders_of(data, of_lidar=True) as (folder,):
         lidars = folders_with_frames(folder)
         if found is not None and len(lidars) > 1:
             names = ", ".join(lidar.name for lidar in lidars)
@@ -202,7 +198,7 @@ def trust(
     from pyinfra.models.inference.label_free_checks import trust_of
 
     found = path_of(predictions, "predictions")
-    with _folders(data, of_lidar=True) as (folder,):
+    with folders_of(data, of_lidar=True) as (folder,):
         rows = trust_of(folder, found, split, allow_missing=allow_missing)
     return pd.DataFrame([asdict(row) for row in rows])
 
@@ -244,7 +240,7 @@ def statistics(
     from pyinfra.metrics.scanning_statistics import statistics as tables_of
     from pyinfra.models.ops.kernels import kernels
 
-    with _folders(data) as folders:
+    with folders_of(data) as folders:
         tables = tables_of(
             folders,
             above_road=above_road,
@@ -299,7 +295,7 @@ def propose_region(data: FrameSequence | StrPath, out: StrPath | None = None) ->
     file = None if out is None else path_of(out, "out")
     if file is not None and file.suffix not in (".yaml", ".yml"):
         raise Error(f"out: expected a file name that ends in .yaml, got {file}")
-    with _folders(data, of_lidar=True) as (folder,):
+    with folders_of(data, of_lidar=True) as (folder,):
         proposal = propose_of_folder(folder)
     if proposal.seconds < SHORT_S:
         warnings.warn(
@@ -310,191 +306,3 @@ def propose_region(data: FrameSequence | StrPath, out: StrPath | None = None) ->
     if file is not None:
         write_outline(file, proposal.drawn)
     return proposal
-
-
-@public()
-def export_onnx(model: TrainedDetector | StrPath, out: StrPath) -> Path:
-    """Writes a dense detector as one ONNX file: from points to boxes, with suppression.
-
-    The input `points` is (n, 4) float32, n >= 1: x y z and intensity (0 to 1), inside the area in
-    the metadata of the file.
-    The outputs are `boxes` (k, 7) and `scores` (k,), best first, and with several classes their
-    numbers `classes` (k,). z of points and boxes is the height above the road, and scores are not
-    calibrated.
-
-    Parameters
-    ----------
-    model : a trained `pointpillars` or `centerpoint-pillar`: a result of `train` or
-        `load_detector`, or the folder or name of a model
-    out : .onnx file
-
-    Returns
-    -------
-    Path of the file
-
-    Raises
-    ------
-    Error : for a detector of another kind, or of stacked frames
-
-    Examples
-    --------
-    >>> import pyinfra as pi
-    >>> try:
-    ...     pi.export_onnx("nothing", "model.onnx")
-    ... except pi.Error as error:
-    ...     print(str(error).partition(":")[0])
-    model
-    """
-    from pyinfra.models.inference.boxes_table import TrainedDetector
-    from pyinfra.models.pytorch import need_pytorch
-
-    need_pytorch()
-    from pyinfra.models.inference.onnx import export
-
-    file = path_of(out, "out")
-    run = model.file if isinstance(model, TrainedDetector) else path_of(model, "model")
-    export(run, file)
-    return file
-
-
-@public(max_points=(1, math.inf))
-def view(
-    data: AnyData,
-    out: StrPath,
-    *,
-    lidars: Sequence[str] | None = None,
-    frames: str | int | Sequence[int] | None = None,
-    predictions: StrPath | Mapping[str, StrPath] | None = None,
-    max_points: int | None = None,
-) -> Path:
-    """Writes an interactive 3-D view of frames as one HTML file, or a recording for Rerun.
-
-    Parameters
-    ----------
-    data : frames, a data set, a LiDAR's folder, or several folders
-    out : .html file, or a .rrd file for Rerun (extra `rerun`)
-    lidars : names of the LiDARs to show; by default all
-    frames : frame numbers, or a text `A:B` or `A:B:STEP`; by default the first frame, or the first
-        one with predictions
-    predictions : folder of predictions, or a tracks.csv; for several LiDARs a dict by LiDAR
-    max_points : largest number of points of a frame; larger frames are thinned
-
-    Returns
-    -------
-    Path of the file
-
-    Raises
-    ------
-    Error : for unknown LiDARs or frames, and for a page that would be too large
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import pyinfra as pi
-    >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", range(0, 30, 10))
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     page = pi.view(frames, f"{folder}/view.html", frames=[0, 10])
-    ...     page.stat().st_size > 100_000
-    True
-    """
-    from pyinfra.viz.viewer.views import write_view
-
-    named = predictions if isinstance(predictions, Mapping) else {}
-    words = [f"{name}={path_of(folder, 'predictions')}" for name, folder in named.items()]
-    if predictions is not None and not isinstance(predictions, Mapping):
-        words = [str(path_of(predictions, "predictions"))]
-    wanted = [frames] if isinstance(frames, int) else frames
-    with _folders(data, of_lidar=True) as folders, regular_files_only(map(Path, named.values())):
-        write_view(folders, path_of(out, "out"), lidars, wanted, words, max_points)
-    return path_of(out, "out")
-
-
-@public(frame=(0, math.inf))
-def pictures(data: AnyData, out: StrPath, *, frame: int | None = None) -> list[Path]:
-    """Draws one frame of data sets from above, the plan of each scene, and close-ups of vehicles.
-
-    Parameters
-    ----------
-    data : frames, or the folder of a data set, or several folders
-    out : folder for the pictures
-    frame : number of the frame; by default the first
-
-    Returns
-    -------
-    Paths of the pictures
-
-    Raises
-    ------
-    Error : for a frame that a data set does not have
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import pyinfra as pi
-    >>> frames = pi.simulate(pi.load_scene("highway"), "helios_16", range(2))
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     files = pi.pictures(frames, folder)
-    >>> {file.suffix for file in files}
-    {'.png'}
-    """
-    from pyinfra.viz.frame_pictures import draw_pictures
-
-    with _folders(data) as folders:
-        return draw_pictures(folders, frame, path_of(out, "out"))
-
-
-@public()
-def report(
-    results: StrPath,
-    out: StrPath,
-    *,
-    data: Sequence[StrPath] = (),
-    runs: Sequence[StrPath] = (),
-    tier: Tier | None = None,
-    budget_usd: float | None = None,
-    min_ap: float | None = None,
-    range_m: float | None = None,
-    latency_ms: float | None = None,
-    sections: str = SECTIONS,
-) -> Path:
-    """Writes the results of a benchmark, or a plan, as one HTML page that opens from disk.
-
-    Parameters
-    ----------
-    results : folder of a benchmark's tables, or of a plan, which has none of the other arguments
-    out : .html file
-    data : data sets whose frames are shown
-    runs : folders of trained detectors whose predictions are shown
-    tier : tier of the benchmark; by default the most complete
-    budget_usd, min_ap, range_m, latency_ms : requirements of the recommendation, as in `recommend`
-    sections : name of the Python module whose list SECTIONS writes the sections
-
-    Returns
-    -------
-    Path of the page
-
-    Raises
-    ------
-    Error : for a folder without results, and a number out of range
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import pyinfra as pi
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = pi.benchmark("example", f"{folder}/out", work=f"{folder}/work", tier="smoke")
-    ...     pi.report(f"{folder}/out", f"{folder}/report.html").name
-    'report.html'
-    """
-    from pyinfra.viz.report.write import write_report
-
-    numbers = {"budget_usd": budget_usd, "min_ap": min_ap, "range_m": range_m}
-    return write_report(
-        path_of(results, "results"),
-        path_of(out, "out"),
-        [path_of(one, "data") for one in data],
-        [path_of(one, "runs") for one in runs],
-        tier,
-        sections,
-        {**numbers, "latency_ms": latency_ms},
-    )

@@ -3,8 +3,8 @@
 import argparse
 from pathlib import Path
 
+from pyinfra.api import export_onnx
 from pyinfra.cli.parser import argument, usage
-from pyinfra.folders import export_onnx
 
 add_arguments = usage(
     "Exports a dense detector, from points to boxes, as one ONNX file that includes the "

@@ -16,12 +16,12 @@ from pyinfra.core.boxes import wrapped
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset import simulation
-from pyinfra.dataset.frame_sequence import SimulatedFrames
 from pyinfra.dataset.loading import with_overrides
 from pyinfra.dataset.made import recipe_of
 from pyinfra.dataset.object_rows import type_names
 from pyinfra.dataset.regions import FOOTWAYS_M
 from pyinfra.dataset.returns import with_points_in_boxes
+from pyinfra.dataset.simulated_frames import SimulatedFrames
 from pyinfra.dataset.world_frame import rotation, to_levelled, to_world
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.yaml_file import read_keys

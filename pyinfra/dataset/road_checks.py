@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from pyinfra.core.errors import Error
-from pyinfra.dataset.frame_sequence import roads_of_world
 from pyinfra.dataset.frames import data_set_of
 from pyinfra.dataset.roads import Road, read_roads
+from pyinfra.dataset.simulated_frames import roads_of_world
 from pyinfra.formats.yaml_file import read_keys
 
 # Keys of a scene on which its evaluation region depends.

@@ -10,9 +10,10 @@ import numpy as np
 from pyinfra.core.arrays import AnyArray, Records
 from pyinfra.core.errors import Error
 from pyinfra.core.files import write
-from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
+from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
 from pyinfra.dataset.object_rows import BOX, type_names
 from pyinfra.dataset.outlines import OUTLINES_FILE
+from pyinfra.dataset.simulated_frames import SimulatedFrames
 from pyinfra.formats import kitti
 
 

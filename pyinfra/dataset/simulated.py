@@ -14,8 +14,8 @@ import numpy as np
 from pyinfra.core.errors import Error, FindingWarning
 from pyinfra.core.names import repeated
 from pyinfra.core.public import CALLER, public
-from pyinfra.dataset.frame_sequence import SimulatedFrames
 from pyinfra.dataset.loading import AnyLidar, AnyLidars, load_lidar, load_scene
+from pyinfra.dataset.simulated_frames import SimulatedFrames
 
 if TYPE_CHECKING:
     from pyinfra.dataset import simulation

@@ -13,11 +13,12 @@ from pyinfra.core.vocabulary import Subset
 from pyinfra.dataset import regions
 from pyinfra.dataset.data_set import MIN_VISIBILITY, field_of_view_mask, is_of_lanes, read_lidars
 from pyinfra.dataset.frame_readers import read_vehicles
-from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
+from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
 from pyinfra.dataset.frame_tables import Vehicles
 from pyinfra.dataset.frames import PERIOD_S, data_set_of, frame_numbers
 from pyinfra.dataset.outlines import Drawn, read_outlines
 from pyinfra.dataset.roads import Places, Road, by_distance, locate, read_roads
+from pyinfra.dataset.simulated_frames import SimulatedFrames
 from pyinfra.dataset.trajectories import read_objects_at
 from pyinfra.dataset.windows import (
     GridCell,

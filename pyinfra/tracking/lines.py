@@ -15,10 +15,11 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 from pyinfra.core.names import path_of, repeated
 from pyinfra.dataset.data_set import is_of_lanes
-from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
+from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
 from pyinfra.dataset.frames import data_set_of
 from pyinfra.dataset.loading import one_lidar
 from pyinfra.dataset.roads import Road, read_roads
+from pyinfra.dataset.simulated_frames import SimulatedFrames
 from pyinfra.dataset.world_frame import to_levelled, to_world
 from pyinfra.formats.yaml_file import read_yaml
 

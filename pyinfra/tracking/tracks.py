@@ -12,8 +12,9 @@ from pyinfra.core.errors import Error
 from pyinfra.core.names import suggestion
 from pyinfra.core.public import public
 from pyinfra.core.rows import concatenated
-from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames, SimulatedFrames
+from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
 from pyinfra.dataset.object_rows import BOX
+from pyinfra.dataset.simulated_frames import SimulatedFrames
 from pyinfra.formats import kitti
 from pyinfra.tracking import motion
 from pyinfra.tracking.occlusion import View

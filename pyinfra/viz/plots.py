@@ -14,8 +14,8 @@ from pyinfra.core.errors import Error
 from pyinfra.core.names import suggestion
 from pyinfra.core.public import public
 from pyinfra.dataset import simulation
-from pyinfra.dataset.frame_sequence import SimulatedFrames, roads_of_world
 from pyinfra.dataset.loading import load_scene
+from pyinfra.dataset.simulated_frames import SimulatedFrames, roads_of_world
 from pyinfra.dataset.surroundings import surroundings_of
 from pyinfra.formats.yaml_file import parse_yaml
 from pyinfra.metrics.evaluation_result import Evaluation

@@ -33,13 +33,13 @@ from pyinfra.experiments import store
 from pyinfra.models.detectors.detection_area import Site, site_of
 from pyinfra.models.detectors.fuse_batchnorm import fused
 from pyinfra.models.detectors.network import Network, device_of, one_thread
-from pyinfra.models.ops import clouds, sparse, triton_kernels, triton_layers
+from pyinfra.models.ops import triton_kernels, triton_layers
 from pyinfra.models.training import checkpoint, loop
 from pyinfra.models.training.recipe import Precision, Recipe, read_recipe
 from pyinfra.models.training.samples import Frames
 from pyinfra.models.training.sources import on_road, read_source
 from pyinfra.models.training.validation import average_precision
-from reproduction import ROOT, provenance
+from reproduction import ROOT, provenance, triton_checks
 from reproduction.arguments import Out, Work, command
 from reproduction.simulate import simulate
 from reproduction.tables.gpu import AP_STEPS, DETECTORS
@@ -52,6 +52,7 @@ SCENE, LIDAR, PRESET, SEED = "highway", "ruby_plus", "paper", 1
 FRAMES = "0:5000:30"  # frames of the traffic seed SEED; those before 400 s are used
 HELD_OUT = 20  # number of last frames, on which the AP is measured
 WARM_UP, PROFILED = 6, 5  # steps before the measurement, and steps whose kernels are timed
+LEAST_SAME = 0.99  # minimum share of values in Triton that agree with PyTorch
 LONGEST = 8  # number of printed kernels
 KEY = ["device", "detector", "tier", "setting", "measure"]
 
@@ -248,73 +249,18 @@ def wait_for(device: torch.device) -> None:
         torch.cuda.synchronize()
 
 
-def check_kernels(bench: Bench) -> None:
-    """Compares the Triton kernels with PyTorch, and uses PyTorch if they differ or fail."""
+def check_triton(bench: Bench) -> None:
+    """Compares kernels and layers in Triton with PyTorch, and uses PyTorch if they differ."""
     if bench.device.type != "cuda" or not triton_kernels.enabled:
         return
-    generator = torch.Generator().manual_seed(SEED)
-    counts = torch.tensor([20_000, 0, 7, 9000], device=bench.device)
-    size = torch.tensor([60.0, 40.0, 3.0])
-    xyz = (torch.rand(int(counts.sum()), 3, generator=generator) * size).to(bench.device)
-    centres = xyz[::40].contiguous()
-    of_centres = torch.bincount(clouds.cloud_of_rows(counts, xyz)[::40], minlength=4)
-
-    def chosen() -> tuple[torch.Tensor, ...]:
-        rows, _ = clouds.farthest_of_clouds(xyz, counts, 500)
-        return rows, *clouds.neighbours(xyz, counts, centres, of_centres, 1.0, 16)
-
-    same = 0.0
-    try:
-        with_kernels = chosen()
-        pairs = zip(with_kernels, chosen_without_kernels(chosen), strict=True)
-        same = min(float((a == b).float().mean()) if len(a) == len(b) else 0.0 for a, b in pairs)
-    except Exception as error:
-        print(f"Triton: {type(error).__name__}: {error}", flush=True)
-    bench.write("full", "Triton", "same_as_pytorch", same)
-    if same < 0.99:
-        triton_kernels.enabled = False
-
-
-def check_layers(bench: Bench) -> None:
-    """Compares the sparse convolution in Triton with PyTorch, and tests all layers for failures."""
-    if bench.device.type != "cuda" or not triton_kernels.enabled:
-        return
-    generator = torch.Generator().manual_seed(SEED)
-    cells = torch.rand(5000, 3, generator=generator) * torch.tensor([10.0, 60, 60])
-    at = torch.unique(torch.nn.functional.pad(cells.long(), (1, 0)), dim=0).to(bench.device)
-    shape, kernel = (10, 60, 60), (3, 3, 3)
-    features = torch.rand(len(at), 64, generator=generator).to(bench.device)
-    weight = torch.rand(27, 64, 64, generator=generator).to(bench.device)
-    rows = torch.arange(len(at), device=bench.device)
-    same = 0.0
-    try:
-        by_rulebook = sparse.convolve(
-            features, weight, sparse.submanifold_rulebook(at, shape, kernel)
-        )
-        by_table = sparse.convolve(features, weight, sparse.submanifold_table(at, shape, kernel))
-        same = float(((by_table / by_rulebook - 1).abs() < 1e-3).float().mean())
-        sets = rows[: len(at) // 32 * 32].view(-1, 32)
-        projected = torch.cat([features] * 3, dim=1).requires_grad_()
-        attended = triton_layers.set_attention(projected, sets, sets < 0, 8)
-        most = triton_layers.most_of_groups(attended.relu(), rows // 7, len(at))
-        most.sum().backward()  # type: ignore[no-untyped-call]
-        wait_for(bench.device)
-    except Exception as error:
-        print(f"Triton layers: {type(error).__name__}: {error}", flush=True)
-        same = 0.0  # a layer after the comparison may have failed
-    bench.write("full", "Triton layers", "same_as_pytorch", same)
-    if same < 0.99:
-        triton_layers.enabled = False
-
-
-def chosen_without_kernels(
-    chosen: Callable[[], tuple[torch.Tensor, ...]],
-) -> tuple[torch.Tensor, ...]:
-    triton_kernels.enabled = False
-    try:
-        return chosen()
-    finally:
-        triton_kernels.enabled = True
+    if bench.detector in ON_POINTS:
+        same = triton_checks.same_kernels(bench.device)
+        bench.write("full", "Triton", "same_as_pytorch", same)
+        triton_kernels.enabled = same >= LEAST_SAME
+    if bench.detector in WITH_LAYERS:
+        same = triton_checks.same_layers(bench.device)
+        bench.write("full", "Triton layers", "same_as_pytorch", same)
+        triton_layers.enabled = same >= LEAST_SAME
 
 
 MEASURES: dict[Part, Callable[[Bench], None]] = {
@@ -328,10 +274,7 @@ MEASURES: dict[Part, Callable[[Bench], None]] = {
 
 def measure(bench: Bench, parts: tuple[Part, ...]) -> None:
     """Measures parts in this process. A part that fails is printed, and the next one follows."""
-    if bench.detector in ON_POINTS:
-        check_kernels(bench)
-    if bench.detector in WITH_LAYERS:
-        check_layers(bench)
+    check_triton(bench)
     for part in parts:
         attempt(bench, part, partial(MEASURES[part], bench))
 

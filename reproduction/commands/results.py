@@ -23,7 +23,8 @@ import pandas as pd
 from pyinfra.core.errors import Error
 from pyinfra.experiments.pool import Backend, Pool
 from reproduction import ROOT, engine
-from reproduction.steps import STEPS, TOYS
+from reproduction.steps import STEPS
+from reproduction.toys import TOYS
 
 NAMED = 5  # maximum number of changed files in a message
 

@@ -30,10 +30,11 @@ from pyinfra.models.inference import (  # noqa: E402
 )
 from pyinfra.models.training import checkpoint  # noqa: E402
 from pyinfra.models.training.accumulation import Accumulation, LabelAt, stacked  # noqa: E402
+from pyinfra.models.training.common_settings import common_accumulation  # noqa: E402
 from pyinfra.models.training.recipe import Recipe, read_recipe  # noqa: E402
 from pyinfra.models.training.samples import Augmentation, augmented  # noqa: E402
 from pyinfra.models.training.sources import Source, read_source, simulated_source  # noqa: E402
-from pyinfra.models.training.train import common_accumulation, train  # noqa: E402
+from pyinfra.models.training.train import train  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 FRAMES = 12

@@ -22,9 +22,10 @@ import yaml
 import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.dataset.data_set import read_data_set
-from pyinfra.dataset.frame_sequence import FrameSequence, SimulatedFrames
+from pyinfra.dataset.frame_sequence import FrameSequence
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.dataset.prediction_origin import origin_of
+from pyinfra.dataset.simulated_frames import SimulatedFrames
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.detectors.detection_area import REGION_MARGIN_M
 from pyinfra.models.inference import boxes_table

@@ -21,7 +21,7 @@ from pyinfra.models.detectors import pointnet  # noqa: E402
 from pyinfra.models.detectors.batch import Batch, Windows, make_batch  # noqa: E402
 from pyinfra.models.detectors.catalogue import DETECTORS  # noqa: E402
 from pyinfra.models.detectors.network import Network, one_thread  # noqa: E402
-from pyinfra.models.ops import boxes, clouds, points, sparse, triton_kernels  # noqa: E402
+from pyinfra.models.ops import boxes, clouds, points, rulebooks, triton_kernels  # noqa: E402
 from pyinfra.models.training import checkpoint  # noqa: E402
 from pyinfra.models.training.recipe import read_recipe  # noqa: E402
 
@@ -53,7 +53,7 @@ class NothingMoves(TorchFunctionMode):
 
 @pytest.fixture
 def as_on_a_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (boxes, clouds, points, sparse, pointnet):
+    for module in (boxes, clouds, points, rulebooks, pointnet):
         monkeypatch.setattr(module, "on_cpu", lambda _: False)
 
 
@@ -117,7 +117,7 @@ def test_the_code_for_a_gpu_gives_the_losses_of_the_cpu(
             return network.losses(batch_of(network))
 
     here = losses()
-    for module in (boxes, clouds, points, sparse, pointnet):
+    for module in (boxes, clouds, points, rulebooks, pointnet):
         monkeypatch.setattr(module, "on_cpu", lambda _: False)
     there = losses()
     for term, value in here.items():

@@ -19,7 +19,8 @@ from pyinfra.core.errors import Error
 from pyinfra.experiments.pool import Pool
 from reproduction import ROOT, engine
 from reproduction.engine import Command, Places, Step
-from reproduction.steps import OTHERS, STEPS, TOYS
+from reproduction.steps import OTHERS, STEPS
+from reproduction.toys import TOYS
 
 # Steps whose smallest trial trains a network for minutes, or has no smaller size.
 WITHOUT_TOY = {

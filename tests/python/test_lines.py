@@ -9,8 +9,8 @@ import pytest
 from site_maps import junction
 
 import pyinfra as pi
-from pyinfra.dataset.frame_sequence import SimulatedFrames
 from pyinfra.dataset.roads import Road
+from pyinfra.dataset.simulated_frames import SimulatedFrames
 from pyinfra.tracking.lines import Line, of_roads
 
 

@@ -9,7 +9,8 @@ from torch import Tensor
 
 from pyinfra.core import boxes as exact
 from pyinfra.core.arrays import FloatArray
-from pyinfra.models.ops import boxes, points, sets, sparse
+from pyinfra.models.ops import boxes, points, rulebooks, sets, sparse
+from pyinfra.models.ops.rulebooks import Rulebook, Triple, strided_rulebook, submanifold_rulebook
 from pyinfra.models.ops.sparse import SparseConv3d, SparseTensor, SubmanifoldConv3d
 
 needs_gpu = pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU here")
@@ -32,7 +33,7 @@ def either(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> s
 
 
 def without_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (boxes, points, sparse):
+    for module in (boxes, points, rulebooks):
         monkeypatch.setattr(module, "kernels", None)
 
 
@@ -234,7 +235,7 @@ def test_dense_form_has_the_features_where_the_voxels_are() -> None:
 @pytest.mark.parametrize("n", [1, 40, 700])
 @pytest.mark.usefixtures("either")
 def test_submanifold_convolution_is_the_dense_one_at_its_voxels(
-    kernel: int | sparse.Triple, n: int
+    kernel: int | Triple, n: int
 ) -> None:
     x = voxels(n, 4, n)
     x.features.requires_grad_()
@@ -263,7 +264,10 @@ def test_submanifold_convolution_is_the_dense_one_at_its_voxels(
 @pytest.mark.parametrize("n", [1, 40, 700])
 @pytest.mark.usefixtures("either")
 def test_strided_convolution_is_the_dense_one(
-    kernel: int | sparse.Triple, stride: int | sparse.Triple, padding: int | sparse.Triple, n: int
+    kernel: int | Triple,
+    stride: int | Triple,
+    padding: int | Triple,
+    n: int,
 ) -> None:
     x = voxels(n, 4, n)
     x.features.requires_grad_()
@@ -281,8 +285,8 @@ def test_sparse_convolution_has_the_gradient_of_its_slope() -> None:
     x = voxels(30, 2, 1)
     weight = torch.randn(27, 2, 3, dtype=torch.float64, requires_grad=True)
     for rulebook in (
-        sparse.submanifold_rulebook(x.coordinates, SHAPE, (3, 3, 3)),
-        sparse.strided_rulebook(x.coordinates, SHAPE, (3, 3, 3), (2, 2, 2), (1, 1, 1)),
+        submanifold_rulebook(x.coordinates, SHAPE, (3, 3, 3)),
+        strided_rulebook(x.coordinates, SHAPE, (3, 3, 3), (2, 2, 2), (1, 1, 1)),
     ):
         assert torch.autograd.gradcheck(
             lambda f, w, rulebook=rulebook: sparse.convolve(f, w, rulebook),
@@ -324,13 +328,13 @@ def test_voxels_that_are_out_of_the_grid_or_there_twice_are_errors() -> None:
         ([[0, -1, 2, 3]], "coordinates: expected voxels in the grid .*, got .* to "),
     ]:
         with pytest.raises(ValueError, match=message):
-            sparse.submanifold_rulebook(torch.tensor(at), SHAPE, kernel)
+            submanifold_rulebook(torch.tensor(at), SHAPE, kernel)
         with pytest.raises(ValueError, match=message):
-            sparse.strided_rulebook(torch.tensor(at), SHAPE, kernel, stride, padding)
+            strided_rulebook(torch.tensor(at), SHAPE, kernel, stride, padding)
     with pytest.raises(ValueError, match="expected odd sizes"):
-        sparse.submanifold_rulebook(torch.tensor([[0, 1, 2, 3]]), SHAPE, (2, 3, 3))
+        submanifold_rulebook(torch.tensor([[0, 1, 2, 3]]), SHAPE, (2, 3, 3))
     with pytest.raises(ValueError, match="expected at least the kernel"):
-        sparse.strided_rulebook(torch.tensor([[0, 0, 0, 0]]), (1, 9, 9), kernel, stride, (0, 0, 0))
+        strided_rulebook(torch.tensor([[0, 0, 0, 0]]), (1, 9, 9), kernel, stride, (0, 0, 0))
 
 
 @pytest.mark.usefixtures("either")
@@ -460,11 +464,11 @@ def test_compiled_kernels_and_torch_make_the_same_rulebooks(
     pytest.importorskip("pyinfra._core")
     at = voxels(500, 1, 0).coordinates
 
-    def rulebooks() -> list[sparse.Rulebook]:
+    def rulebooks() -> list[Rulebook]:
         return [
-            sparse.submanifold_rulebook(at, SHAPE, (3, 3, 3)),
-            sparse.strided_rulebook(at, SHAPE, (3, 3, 3), (2, 2, 2), (1, 1, 1)),
-            sparse.strided_rulebook(at, SHAPE, (3, 1, 1), (2, 1, 1), (0, 0, 0)),
+            submanifold_rulebook(at, SHAPE, (3, 3, 3)),
+            strided_rulebook(at, SHAPE, (3, 3, 3), (2, 2, 2), (1, 1, 1)),
+            strided_rulebook(at, SHAPE, (3, 1, 1), (2, 1, 1), (0, 0, 0)),
         ]
 
     compiled = rulebooks()

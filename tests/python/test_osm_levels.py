@@ -12,7 +12,8 @@ from pyinfra.formats.ply import read_ply
 from pyinfra.scenes.maps.map_import import import_map
 from pyinfra.scenes.maps.map_readers import ImportOptions
 from pyinfra.scenes.maps.openstreetmap import read_street_map
-from pyinfra.scenes.maps.osm_levels import CLEARANCE_M, Levels, find_levels
+from pyinfra.scenes.maps.osm_levels import Levels, find_levels
+from pyinfra.scenes.maps.ramps import CLEARANCE_M
 from pyinfra.viz.site_plan import read_lanes
 
 pytest.importorskip("sumo", reason="needs the extra `site`")

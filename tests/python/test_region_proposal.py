@@ -16,13 +16,11 @@ from pyinfra.dataset.regions import drawn_of, read_outline
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.imports import import_recording
 from pyinfra.exchange.recording import Options
+from pyinfra.models.inference.path_area import MOST_CORNERS, area_of, simplified
 from pyinfra.models.inference.region_proposal import (
-    MOST_CORNERS,
     MOST_FRAMES,
-    area_of,
     in_windows,
     propose_outline,
-    simplified,
     spaced,
     write_outline,
 )

@@ -16,8 +16,9 @@ from tracking_data import PERIOD_S, boxes, circle, straight
 import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.core.errors import Error
-from pyinfra.dataset.frame_sequence import RecordedFrames, SimulatedFrames
+from pyinfra.dataset.frame_sequence import RecordedFrames
 from pyinfra.dataset.object_rows import BOX
+from pyinfra.dataset.simulated_frames import SimulatedFrames
 from pyinfra.exchange.track_files import write_kitti_tracking
 from pyinfra.formats import kitti
 from pyinfra.tracking.evaluation import UnknownIds, check_ids, geh, true_objects

@@ -12,7 +12,7 @@ torch = pytest.importorskip("torch", reason="the extra `train` is not installed"
 from torch import Tensor  # noqa: E402
 from torch.nn import functional  # noqa: E402
 
-from pyinfra.models.ops import sparse, triton_kernels, triton_layers  # noqa: E402
+from pyinfra.models.ops import rulebooks, sparse, triton_kernels, triton_layers  # noqa: E402
 from pyinfra.models.ops.sets import partition, windows_of  # noqa: E402
 
 INTERPRETED = os.environ.get("TRITON_INTERPRET") == "1" and triton_kernels.enabled
@@ -46,7 +46,7 @@ class Convolution(torch.nn.Module):
         super().__init__()
         self.weight = torch.nn.Parameter(random(offsets, c_in, c_out).detach())
 
-    def forward(self, x: Tensor, rulebook: sparse.Rulebook | sparse.Table) -> Tensor:
+    def forward(self, x: Tensor, rulebook: rulebooks.Rulebook | rulebooks.Table) -> Tensor:
         return sparse.convolve(x, self.weight, rulebook)
 
 
@@ -57,10 +57,10 @@ def test_a_table_on_a_gpu_convolves_as_a_rulebook(c_in: int, c_out: int, strided
     at, kernel = voxels(300), (3, 3, 3)
     if strided:
         geometry = (at, SHAPE, kernel, (2, 2, 2), (1, 1, 1))
-        rulebook, table = sparse.strided_rulebook(*geometry), sparse.strided_table(*geometry)
+        rulebook, table = rulebooks.strided_rulebook(*geometry), rulebooks.strided_table(*geometry)
     else:
-        rulebook = sparse.submanifold_rulebook(at, SHAPE, kernel)
-        table = sparse.submanifold_table(at, SHAPE, kernel)
+        rulebook = rulebooks.submanifold_rulebook(at, SHAPE, kernel)
+        table = rulebooks.submanifold_table(at, SHAPE, kernel)
     assert torch.equal(rulebook.target, table.target)
     layer, x = Convolution(c_in, c_out, 27), random(300, c_in)
     for one, two in zip(results(layer, x, rulebook), results(layer, x, table), strict=True):

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "infrasim/config/scene_config.h"
+#include "infrasim/config/roads_config.h"
 
 // Keys of roads, their profile and their junctions. Fields is FieldReader, FieldWriter or
 // FieldLister.

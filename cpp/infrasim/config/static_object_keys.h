@@ -1,6 +1,6 @@
 #pragma once
 
-#include "infrasim/config/scene_config.h"
+#include "infrasim/config/static_objects_config.h"
 
 // Keys of static objects and vegetation. Fields is FieldReader, FieldWriter or FieldLister.
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "infrasim/config/scene_config.h"
+#include "infrasim/config/traffic_config.h"
 
 // Keys of traffic, parked vehicles, pedestrians and cyclists. Fields is FieldReader, FieldWriter or
 // FieldLister.

@@ -19,8 +19,8 @@ import pandas as pd
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 from pyinfra.dataset import simulation
-from pyinfra.dataset.frame_sequence import SimulatedFrames
 from pyinfra.dataset.fused import fused
+from pyinfra.dataset.simulated_frames import SimulatedFrames
 from pyinfra.dataset.world_frame import to_world
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.predict import UNKNOWN, Z95

@@ -17,9 +17,9 @@ from pyinfra.core.names import StrPath, file_or_name
 from pyinfra.core.vocabulary import OBJECT_NAMES
 from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import shipped
-from pyinfra.dataset.frame_sequence import roads_of_world
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.roads import Road
+from pyinfra.dataset.simulated_frames import roads_of_world
 from pyinfra.scenes.maps.map_file import FORMATS, PACKED
 from pyinfra.scenes.maps.network import read_network
 from pyinfra.scenes.maps.site_folder import NET, check_metres, scene_of

@@ -18,8 +18,8 @@ from pyinfra.core.config import read_config, ruled
 from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.vocabulary import VEHICLES, LabelTime, ObjectClass
 from pyinfra.dataset import regions, simulation
-from pyinfra.dataset.frame_sequence import roads_of_world
 from pyinfra.dataset.ground import ground_of_roads
+from pyinfra.dataset.simulated_frames import roads_of_world
 from pyinfra.models.detectors.detection_area import Area, Site
 from pyinfra.models.training.samples import SiteSample
 from pyinfra.models.training.sources import Stream, labels_of_frame, pose_of

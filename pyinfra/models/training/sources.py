@@ -15,7 +15,7 @@ from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import OBJECT_CLASSES, VEHICLES, LabelTime, ObjectClass, Tier
 from pyinfra.dataset import regions, split
 from pyinfra.dataset.frame_readers import other_types, read_vehicles
-from pyinfra.dataset.frame_sequence import FrameSequence, SimulatedFrames
+from pyinfra.dataset.frame_sequence import FrameSequence
 from pyinfra.dataset.frame_tables import Vehicles
 from pyinfra.dataset.frames import (
     data_set_of,
@@ -26,6 +26,7 @@ from pyinfra.dataset.frames import (
 from pyinfra.dataset.frames_version import number_at
 from pyinfra.dataset.ground import Ground, ground_of, ground_of_boxes
 from pyinfra.dataset.object_rows import vehicles_of
+from pyinfra.dataset.simulated_frames import SimulatedFrames
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import read_yaml
 from pyinfra.models.detectors.classes import numbers_of

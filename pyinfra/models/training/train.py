@@ -21,11 +21,10 @@ from pyinfra.core.config import as_plain
 from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.files import alone, replacing, write
 from pyinfra.core.progress import is_shown
-from pyinfra.core.vocabulary import LabelTime
 from pyinfra.models.detectors.background import Background
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.pytorch import need_pytorch
-from pyinfra.models.training.accumulation import Accumulation
+from pyinfra.models.training.common_settings import common_accumulation, common_label_time
 from pyinfra.models.training.provenance import Provenance, read_provenance
 from pyinfra.models.training.recipe import Precision, Recipe
 from pyinfra.models.training.samples import Frames
@@ -33,7 +32,8 @@ from pyinfra.models.training.sources import Source, Stream, on_road, spread
 
 if TYPE_CHECKING:
     from pyinfra.models.detectors.network import Network
-    from pyinfra.models.training.loop import Description, Progress
+    from pyinfra.models.training.loop import Progress
+    from pyinfra.models.training.resumption import Description
 
 
 BACKGROUND_FRAMES = 100
@@ -132,7 +132,7 @@ def _train_network(
 
     from pyinfra.models.detectors import distributed, windows
     from pyinfra.models.detectors.network import device_of
-    from pyinfra.models.training import checkpoint, loop
+    from pyinfra.models.training import checkpoint, loop, resumption
 
     stream, held_out = _stream(sources, recipe.learning.validate_frames)
     frames = stream.samples
@@ -152,11 +152,11 @@ def _train_network(
     provenance = _provenance(recipe, stream, seed)
     if recipe.learning.start:
         provenance = _begun_with(network, Path(recipe.learning.start), provenance)
-    description = loop.describe(provenance, recipe, len(frames), precision, stream.drawn)
+    description = resumption.describe(provenance, recipe, len(frames), precision, stream.drawn)
     with distributed.joined(device_of(device)) as torch_device:
         distributed.check_batch(recipe.learning.batch)
         # All processes are connected here, so all of them read the same checkpoint.
-        begun = loop.read_begun(out, description)
+        begun = resumption.read_begun(out, description)
         done = begun.provenance.step if begun is not None else 0
         first = distributed.rank() == 0
         with (
@@ -228,32 +228,6 @@ def _begun_with(network: Network, start: Path, provenance: Provenance) -> Proven
         ) from None
     line = loaded.provenance.calibration if loaded.classes == network.classes else None
     return replace(provenance, start=checkpoint.digest(file), calibration=line)
-
-
-def common_label_time(sources: Sequence[Source]) -> LabelTime:
-    """Returns the label time that all sources share. Raises Error if their label times differ."""
-    first = sources[0]
-    for other in sources:
-        if other.label_time != first.label_time:
-            raise Error(
-                f"{other.lidar} in {other.scene}: label_time: expected {first.label_time}, got "
-                f"{other.label_time}; {first.lidar} in {first.scene} has {first.label_time}"
-            )
-    return first.label_time
-
-
-def common_accumulation(sources: Sequence[Source]) -> Accumulation:
-    """Returns the accumulation that all sources share. Raises Error if two sources differ."""
-    first = sources[0]
-    for other in sources:
-        if other.accumulation != first.accumulation:
-            raise Error(
-                f"{other.lidar} in {other.scene}: accumulation: expected the same as for "
-                f"{first.lidar} in {first.scene} ({first.accumulation.frames} frames, label at "
-                f"{first.accumulation.label_at}), got {other.accumulation.frames} frames, label at "
-                f"{other.accumulation.label_at}"
-            )
-    return first.accumulation
 
 
 @contextmanager

@@ -30,6 +30,7 @@ from pyinfra.scenes.maps.netconvert import OPENDRIVE, OSM, netconvert, without_s
 from pyinfra.scenes.maps.network import read_network
 from pyinfra.scenes.maps.opendrive import read_opendrive
 from pyinfra.scenes.maps.opendrive_mending import mended_for_netconvert
+from pyinfra.scenes.maps.ramps import CLEARANCE_M
 from pyinfra.scenes.maps.site_folder import NET
 
 RADIUS_M = 1000.0  # default radius of the imported area
@@ -136,7 +137,7 @@ def _from_osm(
         site_map.covered_m = osm_levels.COVERED_M
         site_map.guessed.append(
             f"heights of bridges and tunnels at {levels.crossings} crossings: "
-            f"{osm_levels.CLEARANCE_M:g} m apart, with ramps"
+            f"{CLEARANCE_M:g} m apart, with ramps"
         )
     elif not any(np.ptp(lane.centre[:, 2]) > 0 for lane in site_map.lanes):
         why = "only some of its nodes have" if streets.ignores_heights else "the map has no"

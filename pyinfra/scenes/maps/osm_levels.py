@@ -4,11 +4,10 @@ A way on a higher layer is lifted if it crosses another way. The lifted way is l
 length, with ramps along the roads on both sides. A tunnel is lowered in the same manner.
 """
 
-import heapq
 import itertools
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
@@ -25,11 +24,10 @@ from pyinfra.scenes.maps.openstreetmap import (
     transverse_mercator,
 )
 from pyinfra.scenes.maps.osm_lanes import swap_sides
+from pyinfra.scenes.maps.ramps import CLEARANCE_M, RAMP_M, ramp_shares
 from pyinfra.scenes.maps.surfaces import side_of
 
-CLEARANCE_M = 6.0  # intended height difference between the surfaces of crossing roads
 LEAST_M = 4.5  # a crossing with a smaller height difference is reported
-RAMP_M = 150.0  # length of a ramp over CLEARANCE_M; its steepest grade is 6 %
 STEP_M = 15.0  # distance between the nodes of a ramp
 NO_ROADS = frozenset("proposed construction planned abandoned razed disused platform".split())
 APART_M = 3.0  # minimum distance between an added node and a crossing
@@ -278,7 +276,7 @@ class _Net:
             high, low = dict[str, float](), dict[str, float]()
             for name, z in goal.items():
                 side, fixed = (high if z > 0 else low), pinned[name] - set(ways[name])
-                for node, share in _ramps(next_, ways[name], fixed, abs(z)).items():
+                for node, share in ramp_shares(next_, ways[name], fixed, abs(z)).items():
                     side[node] = max(side.get(node, 0.0), abs(z) * share)
             self.z = {i: high.get(i, 0.0) - low.get(i, 0.0) for i in {*high, *low}}
 
@@ -290,40 +288,6 @@ class _Net:
 
     def gap(self, c: _Crossing) -> float:
         return self.z_at(c.on_upper, c.xy) - self.z_at(c.on_lower, c.xy)
-
-
-def _ramps(
-    next_: dict[str, dict[str, float]], way: list[str], still: set[str], height_m: float
-) -> dict[str, float]:
-    """Maps each node near a lifted or lowered way to the node's share of the way's height.
-
-    The share is 1 on the way, and 0 at the ends of ramps and at fixed nodes.
-    """
-    length = RAMP_M * max(1.0, height_m / CLEARANCE_M)
-    back = _distances(next_, still, length)
-    shares = {}
-    for node, metres in _distances(next_, way, length).items():
-        ramp = min(length, metres + back.get(node, math.inf))
-        u = min(1.0, metres / ramp) if ramp > 0 else 1.0
-        shares[node] = 1 - u * u * (3 - 2 * u)
-    return shares
-
-
-def _distances(
-    next_: dict[str, dict[str, float]], sources: Iterable[str], limit: float
-) -> dict[str, float]:
-    """Maps each node within the limit to its distance along the ways from the nearest source."""
-    distances: dict[str, float] = {}
-    heap = [(0.0, i) for i in sorted(sources)]
-    while heap:
-        metres, node = heapq.heappop(heap)
-        if node in distances:
-            continue
-        distances[node] = metres
-        for other, step in next_.get(node, {}).items():
-            if other not in distances and metres + step <= limit:
-                heapq.heappush(heap, (metres + step, other))
-    return distances
 
 
 def _crossed(start: FloatArray, end: FloatArray, i: int) -> IntArray:

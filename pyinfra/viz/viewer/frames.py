@@ -21,10 +21,10 @@ from pyinfra.core.errors import FormatError
 from pyinfra.core.progress import track
 from pyinfra.core.vocabulary import KM_H
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions, read_vehicles
-from pyinfra.dataset.frame_sequence import SimulatedFrames
 from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.ground import ground_of
 from pyinfra.dataset.object_rows import BOX
+from pyinfra.dataset.simulated_frames import SimulatedFrames
 from pyinfra.dataset.world_frame import to_world
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Labels, WorldPose
