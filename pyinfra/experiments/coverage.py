@@ -73,7 +73,7 @@ def no_interval(row: pd.Series, requirements: Requirements) -> str:
 def road(distance: pd.DataFrame, requirements: Requirements, truth: str) -> pd.DataFrame:
     """Returns for each experiment covered_m, its interval low_m and high_m, and road_m.
 
-    distance: windows of the experiments of one scene, a result of `with_r1000`.
+    distance: windows of the experiments of one scene.
     """
     values = {
         "covered_m": distance.ap_r1000,

@@ -13,7 +13,6 @@ from pyinfra.experiments.coverage import ROAD
 from pyinfra.experiments.requirements import FRAME_MS
 from pyinfra.metrics.comparison import Interval, clipped, over_replicates
 from pyinfra.metrics.replicates import bootstrapped_of, difference, over_seeds
-from pyinfra.metrics.row_selection import AP_R1000
 
 UNKNOWN = Interval(math.nan, math.nan, math.nan)
 
@@ -57,7 +56,6 @@ class Option:
     covered_in: str = ROAD  # what covered_m and road_m measure
     no_interval: str = ""  # why covered_m has no interval
     frame_ms: float = FRAME_MS  # frame period of the LiDAR
-    ap_name: str = AP_R1000  # name of the AP measure; in tables of version 0.2 it is AP (R40)
     # Percent of all vehicles of the region that a box of any score matches.
     detected: Interval | None = None
     whole: str = "present"  # ground truth of ap_whole (`with_whole`)

@@ -24,7 +24,6 @@ from pyinfra.metrics.replicates import bootstrapped_of, measure_of
 from pyinfra.metrics.row_selection import (
     AP_OF,
     OFF_REGION,
-    ap_name,
     common_seeds,
     first_seed,
     hidden_share,
@@ -105,8 +104,7 @@ def _of_seed(
     covering = coverage(distance, squares, requirements, truth)
     table = joined(table, covering, file_of(results, "distance"))
     replicates = ExperimentReplicates(results.table("replicates"))
-    name = ap_name(table)
-    return [replace(option(row, replicates), ap_name=name) for _, row in table.iterrows()]
+    return [option(row, replicates) for _, row in table.iterrows()]
 
 
 def read_tables(folder: Path, tier: str) -> Results:
@@ -210,7 +208,7 @@ def within(
         allowed = ", ".join(f"{range_m:g}" for range_m in measured_m)
         raise Error(f"range_m: expected one of {allowed} m, got {requirements.range_m:g}")
     by_range = by_range[by_range.range_m == requirements.range_m]
-    merged = experiments[KEY].assign(range_m=requirements.range_m, recalls=1000.0)
+    merged = experiments[KEY].assign(range_m=requirements.range_m)
     for truth, name in (*AP_OF.items(), ("whole", "ap_whole")):
         is_counted = by_range.ground_truth == (by_range.whole if truth == "whole" else truth)
         columns = {f"ap_r1000{end}": f"{name}_r1000{end}" for end in ("", "_low", "_high")}

@@ -24,7 +24,7 @@ from pyinfra.experiments.requirements import Requirements, place_of
 from pyinfra.experiments.value import SITE_ITEMS
 from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.intervals import FEW_BLOCKS
-from pyinfra.metrics.row_selection import COUNTED
+from pyinfra.metrics.row_selection import AP_R1000, COUNTED
 
 MOST = 5  # options that are described in full
 NEAREST = 3  # options that are described if none meets the requirements
@@ -103,7 +103,7 @@ def sentence(option: Option, requirements: Requirements) -> str:
     of = "all vehicles" if option.whole == "present" else COUNTED[option.whole]
     recalled = f"finds {recall.value:.0f} %{ends} of {of}, at any score; "
     return (
-        f"{option.name}: {option.ap_name} of {COUNTED[option.whole]}{near} "
+        f"{option.name}: {AP_R1000} of {COUNTED[option.whole]}{near} "
         f"{with_interval(option.ap_whole)}, {recall_text}{visible}of the vehicles it captures "
         f"{with_interval(option.ap)}; {recalled if recall.value >= 0 else ''}"
         f"{price(option, requirements)}; {covered_road(option, requirements)}"

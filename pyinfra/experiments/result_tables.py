@@ -22,7 +22,6 @@ from pyinfra.metrics.row_selection import (
     EXPERIMENT,
     OFF_REGION,
     first_seed,
-    with_r1000,
     with_whole,
 )
 
@@ -92,7 +91,8 @@ KINDS = {
     "experiments": kind(
         "{tier}.csv",
         f"{_EXPERIMENT} command version",
-        "ap ap_low ap_high ap_common ap_all objects train_seconds latency_p50_ms latency_p95_ms",
+        "ap ap_low ap_high ap_r1000 ap_common ap_all objects train_seconds latency_p50_ms "
+        "latency_p95_ms",
         _EXPERIMENT,
         f"{' '.join(AP_COLUMNS)} objects_all objects_present {OFF_REGION} train_steps "
         "latency_low_ms latency_high_ms latency_other_cores latency_frames latency_threads",
@@ -112,9 +112,8 @@ KINDS = {
     "distance": kind(
         "{tier}_distance.csv",
         f"{_EXPERIMENT} ground_truth road quality",
-        "s ap ap_low ap_high objects predictions",
+        "s ap ap_low ap_high ap_r1000 ap_r1000_low ap_r1000_high objects predictions",
         f"{_EXPERIMENT} ground_truth road s",
-        "ap_r1000 ap_r1000_low ap_r1000_high",
     ),
     "ranges": kind(
         "{tier}_ranges.csv",
@@ -164,9 +163,8 @@ KINDS = {
     "stress": kind(
         "stress.csv",
         "detector run lidar preset scene stressor severity unit seed frames",
-        "ap ap_low ap_high",
+        "ap ap_low ap_high ap_r1000 ap_r1000_low ap_r1000_high",
         "detector run lidar preset scene stressor severity seed frames",
-        "ap_r1000 ap_r1000_low ap_r1000_high",
     ),
     "stress_ranking": kind("stress_ranking.csv", "", ""),
     "stress_summary": kind("stress_summary.csv", "", ""),
@@ -239,8 +237,7 @@ def read_results(
         )
     if all(table.empty for table in tables.values()):
         raise Error(f"{folder}: expected tables of `pyinfra benchmark`, got none")
-    tables["experiments"] = _with_reasons(with_whole(with_r1000(tables["experiments"])))
-    tables |= {name: with_r1000(tables[name]) for name in ("stress", "distance")}
+    tables["experiments"] = _with_reasons(with_whole(tables["experiments"]))
     return Results(folder, chosen, tables, kinds)
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 from pyinfra.core.config import ruled
 from pyinfra.dataset.windows import REGION_M, WINDOW_M, WINDOW_STEP_M
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, LANES
-from pyinfra.metrics.row_selection import EXPERIMENT, each_road_once, with_r1000, with_whole
+from pyinfra.metrics.row_selection import EXPERIMENT, each_road_once, with_whole
 
 KEY = [*EXPERIMENT, "seed"]
 RIVALS = ["scene", "preset", "tier", "seed"]  # only options with equal values here are compared
@@ -62,7 +62,7 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
     ground truth, and is better in at least one of the two. An option without this AP is neither
     dominated nor in column `pareto`.
     """
-    experiments = with_whole(with_r1000(tables["experiments"].dropna(subset=["ap"])))
+    experiments = with_whole(tables["experiments"].dropna(subset=["ap"]))
     truth = "all" if experiments.empty else str(experiments.whole.iloc[0])
     experiments = experiments[
         [*KEY, "ap", "ap_r1000", "ap_all", "ap_all_r1000", "ap_whole", "ap_whole_r1000"]
@@ -76,7 +76,7 @@ def value_table(tables: dict[str, pd.DataFrame], costs: Costs) -> pd.DataFrame:
     hits = tables["hits"][["scene", "preset", "lidar", *of_hits]]
     t = experiments.merge(price, on=["lidar", "preset"])
     t = of_mounts(t, mounts_of(t.merge(hits, how="left")), costs)
-    road = covered(with_r1000(tables["distance"]), truth=truth)
+    road = covered(tables["distance"], truth=truth)
     t = t.merge(areas, on=KEY, how="left").merge(road, on=KEY, how="left")
     t = t.merge(hits, on=["scene", "preset", "lidar"], how="left")
     usd = t.lidar_usd + t.site_usd
@@ -129,8 +129,6 @@ def covered(
     at_once = distance.road == LANES  # rows whose column s is not a distance along a road
     lanes = distance[at_once][KEY].drop_duplicates().assign(covered_m=np.nan)
     distance = distance[~at_once]
-    if "ap_r1000" not in distance:
-        distance = with_r1000(distance)
     windows = distance[distance.ground_truth == truth]
     ends = windows.groupby([*KEY, "road"], as_index=False).s.agg(begin="min", end="max")
     good = windows[windows.ap_r1000 > above]

@@ -23,35 +23,6 @@ OFF_REGION = (
 AP_R1000, AP_R40 = "AP (R1000)", "AP (R40)"  # names of the measures in texts and figures
 
 
-def with_r1000(experiments: pd.DataFrame) -> pd.DataFrame:
-    """Fills missing AP (R1000) with AP (R40), the only measure of early versions.
-
-    Column `recalls` is the number of recalls of a row's AP (see `ap_name`).
-    """
-    columns = {}
-    for name in AP_OF.values():
-        existing = experiments.get(f"{name}_r1000", pd.Series(np.nan, experiments.index))
-        for end in ("", "_low", "_high"):
-            if f"{name}{end}" in experiments:
-                r1000 = experiments.get(f"{name}_r1000{end}", np.nan)
-                columns[f"{name}_r1000{end}"] = experiments[f"{name}{end}"].where(
-                    existing.isna(), r1000
-                )
-    if "ap" in experiments and "recalls" not in experiments:
-        r1000 = experiments.get("ap_r1000", pd.Series(np.nan, experiments.index))
-        recalls = pd.Series(np.where(r1000.notna(), 1000.0, 40.0), experiments.index)
-        columns["recalls"] = recalls.where(experiments.ap.notna() | r1000.notna())
-    return experiments.assign(**columns)
-
-
-def ap_name(rows: pd.DataFrame) -> str:
-    """Returns the name of the measure in column ap_r1000. rows: the result of `with_r1000`."""
-    recalls = set(rows.recalls.dropna()) if "recalls" in rows else set()
-    if recalls == {40.0}:
-        return AP_R40
-    return "AP (R1000; R40 in rows of version 0.2)" if 40.0 in recalls else AP_R1000
-
-
 # Description of the vehicles that ap_whole includes, by ground-truth subset (see `with_whole`).
 COUNTED = {"present": "every vehicle", "all": "all visible vehicles"}
 
@@ -62,8 +33,7 @@ def with_whole(experiments: pd.DataFrame) -> pd.DataFrame:
     Column `whole` is the name of a ground-truth subset. Columns ap_whole* are the AP of this subset
     and the ends of its interval (AP_ENDS). The subset is `present`, which has the same vehicles for
     all LiDARs and mounts. Rows of version 0.3 have no AP of `present`. If any finished row lacks
-    it, the subset of all rows is `all`, the vehicles that are visible from the mount. experiments:
-    the result of `with_r1000`.
+    it, the subset of all rows is `all`, the vehicles that are visible from the mount.
     """
     done = experiments.ap.notna()
     r1000 = experiments.get("ap_present_r1000")

@@ -20,7 +20,7 @@ from pyinfra.dataset.roads import Road, strip
 from pyinfra.dataset.windows import WINDOW_M, WINDOW_STEP_M
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
-from pyinfra.metrics.row_selection import ap_name, with_r1000
+from pyinfra.metrics.row_selection import AP_R1000
 from pyinfra.viz.scanning_plots import STYLE, handles_of, line_of, save
 
 STYLES: dict[str, dict[str, Any]] = {
@@ -75,7 +75,6 @@ def pr_curve(table: pd.DataFrame) -> Figure:
 
 def distance_ap(table: pd.DataFrame) -> Figure:
     """Draws AP with intervals in windows along each road, and the threshold of high quality."""
-    table = with_r1000(table)
     with mpl.rc_context(STYLE), sns.axes_style("whitegrid"):
         figure, panels = _panels(table, (5.2, 3.2), "road")
         for ax, rows in panels:
@@ -86,7 +85,7 @@ def distance_ap(table: pd.DataFrame) -> Figure:
                     ax.plot(part.s, part.ap_cut_first, "k:", label="cut before matching")
             ax.axhline(HIGH_QUALITY, color="black", linewidth=0.8, linestyle=(0, (8, 4)))
             ends = (float(table.s.min()), float(table.s.max()))
-            ax.set(xlim=ends, ylim=(0, 102), ylabel=ap_name(table))
+            ax.set(xlim=ends, ylim=(0, 102), ylabel=AP_R1000)
             ax.set_xlabel(f"s, middle of {WINDOW_M:g} m (m)")
         return _legend(figure)
 

@@ -156,7 +156,7 @@ def plot_stress(
     >>> stressors = ["none", "drop_out", "drop_out"]
     >>> rows = pd.DataFrame({"severity": ["0", "0.5", "0.9"], "stressor": stressors})
     >>> rows = rows.assign(ap=[90, 80, 40], ap_low=0, ap_high=100, detector="mine", run="a")
-    >>> rows = rows.assign(ap_r1000=rows.ap, ap_r1000_low=0, ap_r1000_high=100, recalls=1000)
+    >>> rows = rows.assign(ap_r1000=rows.ap, ap_r1000_low=0, ap_r1000_high=100)
     >>> rows = rows.assign(lidar="l", preset="p", scene="s", seed="1", frames="60")
     >>> len(pi.plot_stress(rows, "drop_out").lines)
     1
@@ -170,7 +170,8 @@ def plot_stress(
         if not file.is_file():
             raise Error(f"rows: expected a folder with stress.csv, got '{rows}'")
         rows = trials.read(file)
-    missing = [name for name in trials.KEY if name not in rows.columns]
+    needed = (*trials.KEY, "ap_r1000", "ap_r1000_low", "ap_r1000_high")
+    missing = [name for name in needed if name not in rows.columns]
     if missing:
         raise Error(f"rows: expected the column '{missing[0]}' of stress.csv, got none")
     for name in ("lidar", "preset", "scene"):

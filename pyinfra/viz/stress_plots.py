@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from pyinfra.experiments.stress.stressors import STRESSORS, Stressor
 from pyinfra.experiments.stress.summary import curves
-from pyinfra.metrics.row_selection import ap_name, with_r1000
+from pyinfra.metrics.row_selection import AP_R1000
 from pyinfra.viz.scanning_plots import LINES, MARKERS, STYLE, handles_of, save
 
 ACROSS = 4
@@ -47,7 +47,7 @@ def stress(table: pd.DataFrame) -> Figure:
             ]
             panel(ax, selected, styles)
         for ax in axes[:, 0]:
-            ax.set_ylabel(ap_name(with_r1000(table)))
+            ax.set_ylabel(AP_R1000)
         for ax in axes.flat[len(names) :]:
             ax.remove()
         handles = handles_of(figure)

@@ -1,5 +1,7 @@
 """A made-up table of experiments with known answers."""
 
+import re
+
 import numpy as np
 import pandas as pd
 
@@ -12,6 +14,18 @@ AP = {  # AP of each LiDAR, by detector
     "dsvt": (84.0, 80.0, 80.0, 55.0),
     "pointrcnn": (50.0, 70.0, 40.0, 30.0),
 }
+
+
+def with_r1000(table: pd.DataFrame) -> pd.DataFrame:
+    """Adds AP (R1000) with the values and intervals of AP (R40)."""
+    columns = {r1000_name(name): table[name] for name in table if r1000_name(str(name))}
+    return table.assign(**columns)
+
+
+def r1000_name(name: str) -> str:
+    """Returns the name of the column of AP (R1000); empty for a column that is not an AP (R40)."""
+    parts = re.fullmatch(r"(ap(?:_common|_all|_present|_whole)?)(_low|_high|)", name)
+    return f"{parts[1]}_r1000{parts[2]}" if parts else ""
 
 
 def key_of(lidar: str, detector: str) -> dict[str, object]:
@@ -29,7 +43,7 @@ def experiments(half: float = 1.0) -> pd.DataFrame:
         for detector, aps in AP.items()
         for lidar, ap in zip(PRICES, aps, strict=True)
     ]
-    return pd.DataFrame(rows)
+    return with_r1000(pd.DataFrame(rows))
 
 
 def replicates_of(
@@ -62,4 +76,4 @@ def values() -> pd.DataFrame:
         for detector in AP
         for lidar, price in PRICES.items()
     ]
-    return pd.DataFrame(rows)
+    return with_r1000(pd.DataFrame(rows))

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 import psutil
 import pytest
+from benchmark_data import with_r1000
 from pool_tasks import dies, dies_once, takes_a_gpu
 
 from pyinfra.cli import main
@@ -507,7 +508,7 @@ def road_of(ap: dict[float, float], name: str = "a", end: float = 100) -> pd.Dat
     """Returns windows of a road from -100 m to `end`. Only the given windows have an AP."""
     windows = {-100.0: None, end: None} | ap
     table = pd.DataFrame({"s": windows.keys(), "ap": pd.Series(windows.values(), dtype=float)})
-    return table.assign(ground_truth="all", road=name)
+    return with_r1000(table.assign(ground_truth="all", road=name))
 
 
 def made_up(detectors: dict[str, tuple[float, float]]) -> dict[str, pd.DataFrame]:
@@ -516,7 +517,7 @@ def made_up(detectors: dict[str, tuple[float, float]]) -> dict[str, pd.DataFrame
     prices = [price for price, _ in detectors.values()]
     ap = [value for _, value in detectors.values()]
     return {
-        "experiments": pd.DataFrame(keys).assign(ap=ap, ap_all=ap),
+        "experiments": with_r1000(pd.DataFrame(keys).assign(ap=ap, ap_all=ap)),
         "areas": pd.DataFrame(keys).assign(ground_truth="all", road="a", n_hqda=4),
         "distance": pd.DataFrame(keys).merge(road_of({0: 90.0}), how="cross"),
         "lidars": pd.DataFrame(
@@ -544,7 +545,7 @@ def test_value_by_hand() -> None:
 
 def test_an_option_without_an_ap_of_all_vehicles_is_not_on_the_front() -> None:
     tables = made_up({"a": (2000, 80), "b": (900, 70)})
-    tables["experiments"].loc[1, "ap_all"] = math.nan
+    tables["experiments"].loc[1, "ap_all_r1000"] = math.nan
     table = value_table(tables, Costs()).set_index("lidar")
     assert table.pareto.to_dict() == {"a": True, "b": False}
 

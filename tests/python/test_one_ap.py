@@ -17,7 +17,6 @@ from pyinfra.experiments.benchmark.matrix import Experiment
 from pyinfra.experiments.value import Costs, value_table
 from pyinfra.metrics import ap
 from pyinfra.metrics.evaluation_result import Evaluation
-from pyinfra.metrics.row_selection import ap_name, with_r1000
 
 SPAN = r"(\d+\.\d) +\[(\d+\.\d), (\d+\.\d)\]"
 LIDAR = {"lidar": "livox_avia", "preset": "paper"}
@@ -142,18 +141,6 @@ def test_what_is_called_ap_in_the_report_is_ap_r1000(results: Path, tmp_path: Pa
     contexts = re.findall(r"(.{12})12\.3", Read(out).text)
     assert all("R40" in before for before in contexts), contexts
     assert len(contexts) == ("highway" in str(results))
-
-
-def test_an_ap_of_an_old_table_is_called_what_it_is() -> None:
-    old = pd.DataFrame({"ap": [80.0, np.nan], "ap_low": [79.0, np.nan], "ap_high": [81.0, np.nan]})
-    new = old.assign(ap_r1000=81.5, ap_r1000_low=np.nan, ap_r1000_high=np.nan)
-    assert ap_name(with_r1000(old)) == "AP (R40)"
-    assert ap_name(with_r1000(new)) == "AP (R1000)"
-    both = with_r1000(pd.concat([old, new], ignore_index=True))
-    assert "R40" in ap_name(both)
-    assert "R1000" in ap_name(both)
-    # If AP (R1000) has no interval, the interval of AP (R40) must not be used.
-    assert with_r1000(new).ap_r1000_low.isna().all()
 
 
 def rankings() -> Iterator[ap.Ranking]:

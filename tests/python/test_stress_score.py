@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from benchmark_data import with_r1000
 from evaluation_data import box, car, noisy, traffic, write_lidar, write_predictions, write_roads
 
 from pyinfra.experiments.stress import score, summary
@@ -158,12 +159,13 @@ def rows(
     key |= {"seed": "1", "frames": "9"}
     standard = {f"forgiven_{error}": 0.0 for error in score.ERRORS}
     standard |= {"trained_frames": 800, "ap_low": 0, "ap_high": 100} | columns
-    return pd.DataFrame(
+    table = pd.DataFrame(
         [
             key | {"stressor": name, "severity": severity, "ap": points[severity], **standard}
             for name, severity in [("none", none), *((stressor, other) for other in others)]
         ]
     )
+    return with_r1000(table)
 
 
 def test_a_curve_falls_between_its_severities() -> None:

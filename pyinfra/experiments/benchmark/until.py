@@ -23,7 +23,7 @@ from pyinfra.experiments.benchmark.workspace import Workspace
 from pyinfra.experiments.pool import Progress, silent
 from pyinfra.metrics.comparison import over_replicates
 from pyinfra.metrics.intervals import LEVEL
-from pyinfra.metrics.row_selection import with_r1000, with_whole
+from pyinfra.metrics.row_selection import with_whole
 
 LOOKS = (3, 5, 10)  # numbers of replicates after which options are compared
 LEVEL_OF_LOOK = 1 - (1 - LEVEL) / len(LOOKS)
@@ -114,7 +114,7 @@ def comparison_table(replicates: Sequence[pd.DataFrame]) -> pd.DataFrame:
     and half_width, in AP (R1000). `first` and `second` are LiDAR and detector.
     """
     numbered = [rows.assign(replicate=number) for number, rows in enumerate(replicates)]
-    table = with_whole(with_r1000(pd.concat(numbered, ignore_index=True)))
+    table = with_whole(pd.concat(numbered, ignore_index=True))
     table = table.assign(option=table.lidar + " " + table.detector)
     rows = []
     for (scene, preset), part in table.groupby(["scene", "preset"], sort=False):

@@ -9,7 +9,6 @@ import pandas as pd
 from pyinfra.core.arrays import FloatArray
 from pyinfra.experiments.stress.score import ERRORS
 from pyinfra.experiments.stress.stressors import NONE, STRESSORS, UNSTRESSED, Stressor
-from pyinfra.metrics.row_selection import with_r1000
 
 CURVE = "detector run lidar preset scene seed frames".split()  # key of a curve besides stressor
 FALL = 10.0  # decrease in AP that counts as a failure
@@ -31,7 +30,7 @@ def curves(table: pd.DataFrame) -> Iterator[tuple[dict[str, str], Stressor, pd.D
     a severity that is a name. Severities below that of the first row are left out, such as a
     training with more frames. Curves that have no AP without stress, or no other row, are left out.
     """
-    for key, rows in with_r1000(table).groupby(CURVE, sort=False):
+    for key, rows in table.groupby(CURVE, sort=False):
         base = rows[rows.stressor == NONE.name]
         for name, part in rows[rows.stressor != NONE.name].groupby("stressor", sort=False):
             if base.ap_r1000.notna().sum() == 1 and name in STRESSORS:

@@ -215,7 +215,7 @@ def read(file: Path) -> pd.DataFrame:
     table = read_csv(file, WORDS.union(KEY))
     if "inputs" not in table:  # a table of an earlier version
         table["inputs"] = None
-    missing = [name for name in COLUMNS if name not in table and "fine" not in name]
+    missing = [name for name in COLUMNS if name not in table]
     if missing:
         raise Error(
             f"{file}:1: expected the columns of a table of `pyinfra stress`; the column "

@@ -8,7 +8,7 @@ import pandas as pd
 
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
-from pyinfra.metrics.row_selection import OFF_REGION, ap_name, hidden_share
+from pyinfra.metrics.row_selection import AP_R1000, OFF_REGION, hidden_share
 from pyinfra.viz.report.blocks import (
     NOTHING,
     Block,
@@ -54,7 +54,7 @@ def grids(material: Material, done: pd.DataFrame, note: Note = lambda _: "") -> 
 def _lead(experiments: pd.DataFrame, done: pd.DataFrame) -> str:
     finished = int(experiments.ap.notna().sum())
     text = (
-        f"{finished} of {len(experiments)} experiments have an {ap_name(done)} with a 95 % "
+        f"{finished} of {len(experiments)} experiments have an {AP_R1000} with a 95 % "
         "interval over blocks of time. AP is from 0 to 100, at an IoU of footprints of at least "
         "0.5, over vehicles with at least one point."
     )
@@ -72,7 +72,7 @@ def _grid(material: Material, rows: pd.DataFrame, note: Note) -> Table:
         lines.append([TableCell(material.names.label(lidar)), *cells])
     scene, preset = str(rows.scene.iloc[0]), str(rows.preset.iloc[0])
     return Table(
-        f"{capitalized(scene)}, preset {preset}: {ap_name(rows)}.",
+        f"{capitalized(scene)}, preset {preset}: {AP_R1000}.",
         [Column("LiDAR"), *(Column(detector(d), number=True) for d in detectors)],
         lines,
         material.results.source("experiments"),
@@ -104,7 +104,6 @@ def _failed(experiments: pd.DataFrame) -> list[Block]:
 
 def _all(material: Material, experiments: pd.DataFrame) -> Table:
     """Returns a table of every experiment of the benchmark."""
-    name = ap_name(experiments)
 
     def lidar(row: Any) -> TableCell:
         below = str(row.reason)
@@ -122,10 +121,10 @@ def _all(material: Material, experiments: pd.DataFrame) -> Table:
         **option_columns(material.names),
         "LiDAR": lidar,
         "Seed": seed,
-        name: ap,
-        f"{name}, common": lambda row: number(row.ap_common_r1000),
-        f"{name}, all": lambda row: number(row.ap_all_r1000),
-        f"{name}, present": lambda row: number(row.ap_present_r1000),
+        AP_R1000: ap,
+        f"{AP_R1000}, common": lambda row: number(row.ap_common_r1000),
+        f"{AP_R1000}, all": lambda row: number(row.ap_all_r1000),
+        f"{AP_R1000}, present": lambda row: number(row.ap_present_r1000),
         "Hidden, %": lambda row: number(100 * row.hidden, ".0f"),
         "Objects": lambda row: number(row.objects, ".0f"),
         "Outside region, per min": lambda row: number(getattr(row, OFF_REGION)),

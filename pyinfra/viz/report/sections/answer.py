@@ -9,7 +9,7 @@ from pyinfra.experiments.benchmark.replicates import ExperimentReplicates
 from pyinfra.experiments.fairness import caveat_of_results
 from pyinfra.experiments.requirements import frame_ms
 from pyinfra.experiments.result_tables import AS_THEY_COME
-from pyinfra.metrics.row_selection import AP_OF, COUNTED, ap_name
+from pyinfra.metrics.row_selection import AP_OF, AP_R1000, COUNTED
 from pyinfra.viz.report.blocks import Block, Card, CardLine, Cards, Section, Text, span
 from pyinfra.viz.report.names import with_detector
 from pyinfra.viz.report.report_data import ANY_PRICE, Material
@@ -96,7 +96,7 @@ def _overall(material: Material, experiments: pd.DataFrame) -> str:
     )
     return (
         f"Over all {scenes} scenes, {material.names.model(lidar)} {with_detector(name)} has the "
-        f"highest mean {ap_name(rows)} of the vehicles of the whole road: {best.mean():.1f}. Its "
+        f"highest mean {AP_R1000} of the vehicles of the whole road: {best.mean():.1f}. Its "
         f"AP is lowest at {best.idxmin()} ({best.min():.1f}), and {behind}."
     )
 
@@ -109,7 +109,7 @@ def _sentence(material: Material, rows: pd.DataFrame) -> str:
         where += f", {with_detector(best.detector)}"
     of_captured = (
         f"{_name(material, best)} has the highest AP of the vehicles that a LiDAR captures: "
-        f"{ap_name(rows)} {best.ap_r1000:.1f} {span(best.ap_r1000_low, best.ap_r1000_high)}"
+        f"{AP_R1000} {best.ap_r1000:.1f} {span(best.ap_r1000_low, best.ap_r1000_high)}"
         f"{_rest(material, rows, best, 'captured')}."
     )
     if rows.ap_whole_r1000.isna().all():
@@ -117,7 +117,7 @@ def _sentence(material: Material, rows: pd.DataFrame) -> str:
     whole = rows.loc[rows.ap_whole_r1000.idxmax()]
     text = (
         f"{where}, {_name(material, whole)} has the highest AP of {COUNTED[whole.whole]} on the "
-        f"road: {ap_name(rows)} {whole.ap_whole_r1000:.1f}"
+        f"road: {AP_R1000} {whole.ap_whole_r1000:.1f}"
         f"{_rest(material, rows, whole, whole.whole)}. "
     )
     cheap = _cheapest(material, rows)
@@ -135,9 +135,7 @@ def _card(material: Material, experiments: pd.DataFrame, question: str, choose: 
 def _in_view(material: Material, rows: pd.DataFrame) -> CardLine | None:
     best = rows.loc[rows.ap_r1000.idxmax()]
     rest = _rest(material, rows, best, "captured")
-    reason = (
-        f"{ap_name(rows)} {best.ap_r1000:.1f} {span(best.ap_r1000_low, best.ap_r1000_high)}{rest}"
-    )
+    reason = f"{AP_R1000} {best.ap_r1000:.1f} {span(best.ap_r1000_low, best.ap_r1000_high)}{rest}"
     return _line(material, best, reason)
 
 
@@ -146,7 +144,7 @@ def _whole_road(material: Material, rows: pd.DataFrame) -> CardLine | None:
         return None
     best = rows.loc[rows.ap_whole_r1000.idxmax()]
     others = rows[rows.lidar != best.lidar]
-    reason = f"{ap_name(rows)} {best.ap_whole_r1000:.1f} on {COUNTED[best.whole]}"
+    reason = f"{AP_R1000} {best.ap_whole_r1000:.1f} on {COUNTED[best.whole]}"
     if others.ap_whole_r1000.notna().any():
         second = others.loc[others.ap_whole_r1000.idxmax()]
         reason += f"; next {material.names.model(second.lidar)}, {second.ap_whole_r1000:.1f}"
@@ -164,7 +162,7 @@ def _fastest(material: Material, rows: pd.DataFrame) -> CardLine | None:
     return _line(
         material,
         best,
-        f"{best.latency_p50_ms:.0f} ms a frame{late}, {ap_name(rows)} {best.compared:.1f} {of}",
+        f"{best.latency_p50_ms:.0f} ms a frame{late}, {AP_R1000} {best.compared:.1f} {of}",
     )
 
 
@@ -177,7 +175,7 @@ def _cheapest(material: Material, rows: pd.DataFrame) -> CardLine | None:
         return None
     cheap = near[price[near.index] == price[near.index].min()]
     best = cheap.loc[cheap.compared.idxmax()]
-    reason = f"US$ {price[best.name]:,.0f}, {ap_name(rows)} {best.compared:.1f} {of}"
+    reason = f"US$ {price[best.name]:,.0f}, {AP_R1000} {best.compared:.1f} {of}"
     return _line(material, best, reason)
 
 
@@ -191,8 +189,7 @@ def _untrained(material: Material, rows: pd.DataFrame) -> CardLine | None:
     return _line(
         material,
         best,
-        f"{ap_name(rows)} {best.compared:.1f} {span(best.compared_low, best.compared_high)} {of}"
-        f"{speed}",
+        f"{AP_R1000} {best.compared:.1f} {span(best.compared_low, best.compared_high)} {of}{speed}",
     )
 
 

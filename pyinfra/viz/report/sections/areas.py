@@ -11,7 +11,7 @@ from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.data_set import DataSet
 from pyinfra.dataset.roads import read_roads
 from pyinfra.metrics.evaluation_tables import LANES
-from pyinfra.metrics.row_selection import ap_name, first_seed
+from pyinfra.metrics.row_selection import AP_R1000, first_seed
 from pyinfra.viz.evaluation_plots import LABELS, STYLES, areas_plan
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
@@ -47,13 +47,12 @@ def section(material: Material) -> Section | None:
         distance = first_seed(distance)
         blocks += _bars(material, distance)
         blocks += [plan for data in material.data for plan in _plans(material, distance, data)]
-    name = ap_name(distance)
     lead = (
         "An area is 20 m of road, and an area begins every 5 m. It is of high quality if its "
-        f"{name} is above 85, and undecided if the 95 % interval includes 85. The tables use two "
-        "subsets of the vehicles: the vehicles that the LiDAR captured, and all vehicles visible "
-        "from the mount. With the second subset, every LiDAR has the same areas. The first subset "
-        "must not be used to compare positions of a sensor."
+        f"{AP_R1000} is above 85, and undecided if the 95 % interval includes 85. The tables use "
+        "two subsets of the vehicles: the vehicles that the LiDAR captured, and all vehicles "
+        "visible from the mount. With the second subset, every LiDAR has the same areas. The first "
+        "subset must not be used to compare positions of a sensor."
     )
     return Section(
         "areas", "High-quality areas", lead, [*blocks, _table(material, first_seed(areas))]

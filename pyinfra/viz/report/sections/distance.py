@@ -6,7 +6,7 @@ from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.windows import WINDOW_M
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
-from pyinfra.metrics.row_selection import ap_name, first_seed
+from pyinfra.metrics.row_selection import AP_R1000, first_seed
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Figure, LegendEntry, Panel, Section
 from pyinfra.viz.report.names import DETECTORS, Names, detector, in_order
@@ -35,7 +35,7 @@ def section(material: Material) -> Section | None:
         if truth in ("captured", "all")
     ]
     lead = (
-        f"{ap_name(table)} in windows of {WINDOW_M:g} m along the road, with 95 % intervals. The "
+        f"{AP_R1000} in windows of {WINDOW_M:g} m along the road, with 95 % intervals. The "
         "position s is 0 at the LiDAR and increases in its viewing direction. The thin line is at "
         f"an AP of {HIGH_QUALITY:g}."
     )
@@ -86,7 +86,7 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
             ends = curve.ap_r1000_low, curve.ap_r1000_high
             ax.fill_between(curve.s, *ends, color=look.colour, alpha=0.18, linewidth=0)
         ax.set(ylim=(0, 102), xlim=(rows.s.min(), rows.s.max()), xlabel="s (m)")
-        ax.set_ylabel(ap_name(rows))
+        ax.set_ylabel(AP_R1000)
         label = f"AP along the road, {title}, preset {first.preset}, {first.ground_truth}"
         keys = (first.scene, first.road, first.detector, first.preset, first.ground_truth)
         return Panel(title, svg.inline(figure, svg.identifier("distance", *keys), label))

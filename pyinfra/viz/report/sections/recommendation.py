@@ -13,7 +13,7 @@ from pyinfra.experiments.options import options_of
 from pyinfra.experiments.recommend import Answer, recommend, with_interval
 from pyinfra.experiments.requirements import Requirements, place_of
 from pyinfra.metrics.comparison import Interval
-from pyinfra.metrics.row_selection import COUNTED
+from pyinfra.metrics.row_selection import AP_R1000, COUNTED
 from pyinfra.viz.report.blocks import Block, Column, Remarks, Table, TableCell, number, span
 from pyinfra.viz.report.names import capitalized, with_detector
 from pyinfra.viz.report.report_data import Material
@@ -86,7 +86,7 @@ def sentence(material: Material, one: SceneAnswer, *, alone: bool) -> str:
     first = answer.named[0]
     name = _name(material, first)
     result = (
-        f"{first.ap_name} of {COUNTED[first.whole]} {with_interval(first.ap_whole)}, "
+        f"{AP_R1000} of {COUNTED[first.whole]} {with_interval(first.ap_whole)}, "
         f"{first.price_usd:,.0f} USD"
     )
     if answer.meets:
@@ -110,19 +110,19 @@ def _asked(requirements: Requirements, answers: Sequence[SceneAnswer]) -> str:
 
 
 def _table(material: Material, one: SceneAnswer) -> Table:
-    answer, name = one.answer, one.answer.named[0].ap_name
+    answer = one.answer
     road = answer.named[0].covered_in == ROAD
     covered = "Road covered, m" if road else f"Covered, {answer.named[0].covered_in}"
-    titles = (f"{name}, whole road", name, "Price, US$", covered, "Median, ms")
+    titles = (f"{AP_R1000}, whole road", AP_R1000, "Price, US$", covered, "Median, ms")
     heads = [Column("LiDAR and detector"), *(Column(title, number=True) for title in titles)]
     heads += [] if answer.meets else [Column("To relax")]
     pairs = zip(answer.named, answer.relax, strict=True)
     rows = [_row(material, option, relax) for option, relax in pairs]
     caption = (
-        f"{capitalized(one.scene)}: options of pyinfra recommend, in order of {name} of "
-        f"{COUNTED[answer.named[0].whole]} (whole road). The other {name} is of the vehicles that "
-        "the LiDAR captures. Road is covered where the AP of the whole road is above the required "
-        "AP."
+        f"{capitalized(one.scene)}: options of pyinfra recommend, in order of {AP_R1000} of "
+        f"{COUNTED[answer.named[0].whole]} (whole road). The other {AP_R1000} is of the vehicles "
+        "that the LiDAR captures. Road is covered where the AP of the whole road is above the "
+        "required AP."
     )
     if not answer.meets:
         caption += " These are the nearest options, with the requirement to relax for each."

@@ -10,7 +10,7 @@ from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.requirements import frame_ms
 from pyinfra.experiments.result_tables import TableFile
-from pyinfra.metrics.row_selection import ap_name
+from pyinfra.metrics.row_selection import AP_R1000
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Columns,
@@ -133,7 +133,7 @@ def _panel(material: Material, rows: pd.DataFrame, cost: str) -> Panel:
                 ax.axvline(ms, color=FAINT, linewidth=0.7, linestyle=(0, (2, 2)))
         for row in rows.assign(front=on_front).itertuples():
             _mark(material, ax, row, cost)
-        ax.set(xscale="log", xlabel=label, ylim=(0, 102), ylabel=ap_name(rows))
+        ax.set(xscale="log", xlabel=label, ylim=(0, 102), ylabel=AP_R1000)
         log_ticks(ax.xaxis)
         title = str(first.scene)
         text = f"{what} with the Pareto front, {title}, preset {first.preset}"
@@ -157,14 +157,13 @@ def _mark(material: Material, ax: Any, row: Any, cost: str) -> None:
 
 def _table(material: Material, rows: pd.DataFrame) -> Table:
     """Returns a table of the Pareto front of AP and latency."""
-    name = ap_name(rows)
     columns: Columns = {
         **option_columns(material.names),
-        name: number_in("ap_r1000"),
+        AP_R1000: number_in("ap_r1000"),
         "Median, ms": number_in("latency_p50_ms", ".0f"),
         "95th percentile, ms": number_in("latency_p95_ms", ".0f"),
         "Training, s": number_in("train_seconds", ".0f"),
     }
     source = TableFile("report_pareto_latency.csv", rows)
-    caption = f"The Pareto front of {name} and latency."
+    caption = f"The Pareto front of {AP_R1000} and latency."
     return table_of(caption, rows, columns, source, closed=len(rows) > 12)

@@ -10,7 +10,7 @@ from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.experiments.stress.stressors import NONE
-from pyinfra.metrics.row_selection import ap_name, first_stress
+from pyinfra.metrics.row_selection import AP_R1000, first_stress
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Block,
@@ -68,7 +68,7 @@ def _figure(material: Material, table: pd.DataFrame, scene: str, preset: str) ->
     if not panels:
         return []
     caption = (
-        f"{ap_name(table)} under stress, {scene}, preset {preset}, with 95 % intervals; colours "
+        f"{AP_R1000} under stress, {scene}, preset {preset}, with 95 % intervals; colours "
         "distinguish LiDARs, line styles distinguish detectors."
     )
     source = material.results.source("stress")
@@ -137,7 +137,7 @@ def _panel(names: Names, table: pd.DataFrame, stressor: str) -> Panel | None:
             ax.set_xticks(range(len(ticks)), [names.model(t).split(" ")[-1] for t in ticks])
         if stressor == "training_frames":
             ax.invert_xaxis()
-        ax.set(ylim=(0, 102), ylabel=ap_name(rows), xlabel=UNITS.get(unit, unit))
+        ax.set(ylim=(0, 102), ylabel=AP_R1000, xlabel=UNITS.get(unit, unit))
         label = f"AP under {title}, {table.scene.iloc[0]}, preset {table.preset.iloc[0]}"
         return Panel(title, svg.inline(figure, svg.identifier("stress", label), label))
 

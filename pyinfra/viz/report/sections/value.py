@@ -9,7 +9,7 @@ import pandas as pd
 from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.value import mounts_of
-from pyinfra.metrics.row_selection import ap_name, first_seed, with_r1000
+from pyinfra.metrics.row_selection import AP_R1000, first_seed
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Block,
@@ -54,9 +54,9 @@ def section(material: Material) -> Section | None:
 
 
 def _value(material: Material) -> pd.DataFrame:
-    value = with_r1000(first_seed(material.results.table("value")))
-    whole = value.ap_whole_r1000.fillna(value.ap_whole)
-    return value.assign(ap_whole_r1000=whole.fillna(value.ap_all_r1000))  # results of version 0.3
+    value = first_seed(material.results.table("value"))
+    whole = value.ap_whole_r1000.fillna(value.ap_all_r1000)  # results of version 0.3
+    return value.assign(ap_whole_r1000=whole)
 
 
 def _lead(material: Material, value: pd.DataFrame) -> str:
@@ -103,7 +103,7 @@ def _front(material: Material, value: pd.DataFrame, preset: str) -> Figure:
     panels = [_panel(material, rows[rows.scene == s]) for s in in_order(rows.scene, SCENES)]
     return Figure(
         f"figure-price-{preset}",
-        f"{ap_name(rows)} of the vehicles of the whole road against price, preset {preset}, with "
+        f"{AP_R1000} of the vehicles of the whole road against price, preset {preset}, with "
         "a mark for each detector. The line is the Pareto front. Options that are not on the "
         "front have hollow marks.",
         panels,
@@ -124,7 +124,7 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
             style: dict[str, Any] = {"color": look.colour, "markerfacecolor": face}
             ax.plot(row.price_usd, row.ap_whole_r1000, marker=look.marker, markersize=5, **style)
         ax.set(xscale="log", xlabel="price (US$)", ylim=(0, 102))
-        ax.set_ylabel(f"{ap_name(rows)}, whole road")
+        ax.set_ylabel(f"{AP_R1000}, whole road")
         log_ticks(ax.xaxis)
         title = str(first.scene)
         label = f"AP against price with the Pareto front, {title}, preset {first.preset}"
@@ -132,15 +132,14 @@ def _panel(material: Material, rows: pd.DataFrame) -> Panel:
 
 
 def _table(material: Material, value: pd.DataFrame) -> Table:
-    name = ap_name(value)
     caption = (
         "Performance per dollar. An option that is not on the Pareto front is dominated by the "
         "option in the last column."
     )
     columns: Columns = {
         **option_columns(material.names),
-        name: lambda row: number(row.ap_r1000),
-        f"{name}, whole road": lambda row: number(row.ap_whole_r1000),
+        AP_R1000: lambda row: number(row.ap_r1000),
+        f"{AP_R1000}, whole road": lambda row: number(row.ap_whole_r1000),
         **{title: number_in(column, form) for column, (title, form) in HEADS.items()},
         "Dominated by": lambda row: spelled(material, str(row.dominated_by)),
     }
