@@ -274,7 +274,7 @@ def test_metres_of_road_are_unknown_where_lanes_are_taken_at_once() -> None:
     cell = dict.fromkeys(KEY, "a")
     rows = [(LANES, s, 99.0) for s in (0.0, 5.0)]
     windows = pd.DataFrame([{**cell, "ground_truth": "all"}] * 2)
-    windows[["road", "s", "ap"]] = rows
+    windows[["road", "s", "ap_r1000"]] = rows
     both = pd.concat([windows, windows.assign(scene="b", road="main")])
     metres = covered(both).set_index("scene").covered_m
     assert np.isnan(metres["a"])
