@@ -16,7 +16,8 @@ import pandas as pd
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments.value import SITE_ITEMS
-from pyinfra.formats.csv_table import existing, numbers, read_words
+from pyinfra.formats.csv_table import numbers, read_words
+from pyinfra.formats.earlier_names import existing
 from pyinfra.metrics.row_selection import (
     AP_COLUMNS,
     EXPERIMENT,

@@ -12,7 +12,8 @@ import pandas as pd
 from pandas.api.types import is_string_dtype
 
 from pyinfra.core.files import held
-from pyinfra.formats.csv_table import WORDS, existing, read_csv, write_csv
+from pyinfra.formats.csv_table import WORDS, read_csv, write_csv
+from pyinfra.formats.earlier_names import existing
 
 Key = TypeVar("Key")
 

@@ -14,6 +14,7 @@ import pandas as pd
 from pyinfra.core.errors import FormatError
 from pyinfra.core.files import replacing
 from pyinfra.core.names import suggestion
+from pyinfra.formats.earlier_names import current_name, with_current_values
 
 # Names of the text columns in the tables of this project. All other columns are numbers.
 WORDS = frozenset(
@@ -29,51 +30,9 @@ WORDS = frozenset(
 )
 
 
-# Maps column names of version 0.3 to the current names.
-_RENAMED_COLUMNS = {
-    "cells": "experiments",
-    "dial": "severity",
-    "dial_least": "severity_least",
-    "dials": "severities",
-    "draws": "replicates",
-    "draws_seed": "replicates_seed",
-    "forgiven_ghosts": "forgiven_background",
-    "found_percent": "recall_percent",
-    "ghosts_per_frame": "background_per_frame",
-    "precision_said": "precision_predicted",
-    "recall_said": "recall_predicted",
-    "seam_turned_deg": "cut_angle_turned_deg",
-    "world": "vehicles_digest",
-}
-# Maps values of version 0.3 to current values, by column. The values of the column `measure` are
-# column names. They are renamed like columns.
-_RENAMED_VALUES = {
-    "arm": {"specialist": "site_trained"},
-    "fails_first": {"ghosts": "background"},
-    "largest_blame": {"ghosts": "background"},
-    "severity": {f"draw_{i}": f"sample_{i}" for i in range(1, 5)},
-    "start": {"drawn": "random"},
-    "stressor": {"seam": "cut_angle"},
-}
-
-
 def plain_cell(text: str) -> str:
     """Returns the text with `_` for a first letter that makes spreadsheets run it as a formula."""
     return re.sub(r"^[=+@\t\r-]", "_", text)
-
-
-def current_name(column: str) -> str:
-    """Returns the current name of a column. Only names of version 0.3 change."""
-    column = re.sub(r"^ap_((?:all|common|present|whole)_)?fine", r"ap_\1r1000", column)
-    column = re.sub(r"^draw_(?=\d+$)", "replicate_", column)
-    return _RENAMED_COLUMNS.get(column, column)
-
-
-def _with_current_values(table: pd.DataFrame) -> pd.DataFrame:
-    """Returns a text table in which the values of version 0.3 are replaced."""
-    if "measure" in table:
-        table["measure"] = table.measure.map(current_name)
-    return table.replace({c: values for c, values in _RENAMED_VALUES.items() if c in table})
 
 
 def number_text(value: float, digits: int = 6) -> str:
@@ -101,12 +60,6 @@ def write_tables(
     for name, file in files.items():
         write_csv(file, tables[name], number_format)
     return list(files.values())
-
-
-def existing(file: Path) -> Path:
-    """Returns `file`, or the file of version 0.3 with the same table if only that file exists."""
-    older = file.with_name(re.sub(r"replicates\.csv$", "draws.csv", file.name))
-    return older if older.is_file() and not file.is_file() else file
 
 
 def read_csv(
@@ -171,7 +124,7 @@ def read_words(file: Path, separator: str = ",") -> pd.DataFrame:
     if twice or not rows:
         got = f"column {twice[0]} twice" if twice else "an empty file"
         raise FormatError(f"{file}:1: expected different column names, got {got}")
-    return _with_current_values(pd.DataFrame(rows[1:], columns=header, dtype=str))
+    return with_current_values(pd.DataFrame(rows[1:], columns=header, dtype=str))
 
 
 def numbers(file: Path, column: pd.Series) -> pd.Series:

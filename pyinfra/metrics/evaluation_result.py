@@ -18,7 +18,8 @@ from pyinfra.core.present import Presented
 from pyinfra.core.vocabulary import Subset
 from pyinfra.dataset.frame_tables import Predictions
 from pyinfra.dataset.regions import FOOTWAYS_M
-from pyinfra.formats.csv_table import existing, write_tables
+from pyinfra.formats.csv_table import write_tables
+from pyinfra.formats.earlier_names import existing
 from pyinfra.metrics.comparison import Bootstrapped
 from pyinfra.metrics.evaluation_tables import (
     shown_ap,

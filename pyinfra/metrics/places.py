@@ -15,7 +15,8 @@ import pandas as pd
 
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import Subset
-from pyinfra.formats.csv_table import existing, read_csv
+from pyinfra.formats.csv_table import read_csv
+from pyinfra.formats.earlier_names import existing
 from pyinfra.metrics.comparison import clipped
 from pyinfra.metrics.replicates import bootstrapped_of, check_pair, over_seeds
 

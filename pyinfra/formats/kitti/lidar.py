@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from pyinfra.core.vocabulary import LabelTime
+from pyinfra.formats.earlier_names import with_current_keys
 from pyinfra.formats.kitti.layout import FARTHEST_M
 from pyinfra.formats.yaml_file import YamlNode, parse_yaml, read_keys, read_yaml
 
@@ -100,26 +101,12 @@ class Lidar:
         return tuple(dict.fromkeys(unit.at or origin for unit in self.field_of_view)) or (origin,)
 
 
-# Maps keys of version 0.3 to their current names.
-_RENAMED_KEYS = {
-    "own_draws": "own_random_stream",
-    "seam_deg": "cut_angle_deg",
-    "wedges": "prisms",
-}
-
-
 def read_written_keys(file: Path) -> dict[str, Any]:
     """Returns all keys of a `lidar.yaml` or `dataset.yaml`. Keys of 0.3 get their current names.
 
     Raises FormatError with file and line.
     """
-    return {name: _with_current_names(value) for name, value in read_keys(file).items()}
-
-
-def _with_current_names(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {_RENAMED_KEYS.get(k, k): _with_current_names(v) for k, v in value.items()}
-    return [_with_current_names(v) for v in value] if isinstance(value, list) else value
+    return {name: with_current_keys(value) for name, value in read_keys(file).items()}
 
 
 def read_lidar(lidar_folder: Path) -> Lidar:
