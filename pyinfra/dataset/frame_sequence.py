@@ -1,4 +1,4 @@
-"""Sequences of frames of one LiDAR, simulated on demand or read from a folder.
+"""Sequences of frames of one LiDAR: the base class, recordings and arrays.
 
 A sequence provides the points and all other inputs of an evaluation: the LiDAR and its pose, the
 objects, and the roads that define the evaluation region. Only the last few clouds stay in memory.

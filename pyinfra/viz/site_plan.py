@@ -85,7 +85,7 @@ def read_scene(folder: Path) -> dict[str, Any]:
 
 
 def save_plan(folder: Path, out: Path, radius_m: float | None = None) -> None:
-    """Writes the plan to a file. Raises MapError and OSError."""
+    """Writes the plan to a file. Raises MapError, FormatError and OSError."""
     check_output(out, BEGINS.get(out.suffix, BEGINS[".svg"]))
     out.parent.mkdir(parents=True, exist_ok=True)
     with replacing(out) as beside:

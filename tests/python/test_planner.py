@@ -363,6 +363,10 @@ def test_crossings_of_a_map_are_one_area_of_people(tmp_path: Path) -> None:
     rows = "[{x_m: 1, y_m: 2}, {x_m: 5, y_m: 2}]"
     (tmp_path / "map.yaml").write_text(f"features: {{crossing: {rows}}}\n")
     assert {area.object_class for area in crossings_of(tmp_path, 1.0)} == {"person"}
+    # Numbers of NumPy cannot be written to YAML.
+    assert {type(v) for area in crossings_of(tmp_path, 1.0) for v in (area.x_m, area.y_m)} == {
+        float
+    }
     assert len({area.name for area in crossings_of(tmp_path, 1.0)}) == 1
 
 

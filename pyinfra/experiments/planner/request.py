@@ -243,7 +243,9 @@ def crossings_of(folder: Path, weight: float) -> tuple[Area, ...]:
     The result is empty without map.yaml. Raises FormatError.
     """
     crossings = site_folder.features(folder).get("crossing", ())
-    return tuple(Area(CROSSINGS, x, y, CROSSING_M, weight, "person") for x, y in crossings)
+    return tuple(
+        Area(CROSSINGS, float(x), float(y), CROSSING_M, weight, "person") for x, y in crossings
+    )
 
 
 def of_name(areas: tuple[Area, ...], name: str, objects: pd.DataFrame) -> BoolArray:

@@ -1,17 +1,11 @@
 """Checks the settings that all data sets of a training must share."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import LabelTime
 from pyinfra.models.training.accumulation import Accumulation
 from pyinfra.models.training.sources import Source
-
-if TYPE_CHECKING:
-    pass
 
 
 def common_label_time(sources: Sequence[Source]) -> LabelTime:
