@@ -123,8 +123,7 @@ void visit(Fields& f, EchoesConfig& c) {
       "echoes of a ray that become points: the strongest, the first, the last, or two, the "
       "strongest and the last (dual; if the last is the strongest, it and the second strongest)");
   f.field("separation_m", c.separation_m,
-          "minimum distance between two echoes of a ray; nearer ones merge",
-          between(0, 10));
+          "minimum distance between two echoes of a ray; nearer ones merge", between(0, 10));
   f.field("offered", c.offered, "modes that the sensor offers; if empty, all");
   const std::string unoffered = unoffered_mode(c);
   f.check(unoffered.empty(), "mode", unoffered);
