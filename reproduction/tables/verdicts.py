@@ -8,7 +8,15 @@ import pandas as pd
 
 from pyinfra.metrics.comparison import over_replicates
 from pyinfra.metrics.intervals import student
-from reproduction.claims.two_detectors import BOTH, DEPENDS, NOT_KNOWN, ONE, TOO_FEW, UNDECIDED
+from reproduction.claims.two_detectors import (
+    BOTH,
+    DEPENDS,
+    NOT_KNOWN,
+    ONE,
+    PRIMARY,
+    TOO_FEW,
+    UNDECIDED,
+)
 from reproduction.commands.experiments import LAW_EXPONENTS, at_catalogue_law, at_own_cut_angle
 from reproduction.commands.variance import DIFFERENCE
 from reproduction.commands.verdicts import (
@@ -286,12 +294,14 @@ def _half_width(sd: pd.Series, replicates: int, tests: int = 2) -> float:
 
 
 def law_of_range() -> str:
-    """Returns the verdicts of both detectors on the highway at both ends of the law of range.
+    """Returns the fine-tuned detector's verdicts on the highway at both ends of the law of range.
 
     The presets without a law of range have no row.
     """
     table = results("claims")
-    table = table[(table.judge == BOTH) & (table.scene == "highway") & (table.label_time == "scan")]
+    table = table[
+        (table.judge == PRIMARY[0][0]) & (table.scene == "highway") & (table.label_time == "scan")
+    ]
     table = table[table.preset == "datasheet"]
     rows = []
     for (claim, subset), part in table.groupby(["claim", "subset"], sort=False):

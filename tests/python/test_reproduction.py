@@ -152,7 +152,7 @@ def without_work(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
         ),
         (fairness, "generalist --scenes curve --lidars pandar_64 --seeds 2"),
         pytest.param(generalist, "--seeds 1 --sites 15 --arms none", marks=pytest.mark.nightly),
-        (generalist, "--seeds 1 --paper"),
+        (generalist, "--sites 2"),
     ],
 )
 def test_a_recorded_command_repeats_its_row(
