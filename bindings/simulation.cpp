@@ -7,6 +7,7 @@
 
 #include "bindings.h"
 #include "infrasim/config/fields.h"
+#include "infrasim/config/lidar_changes.h"
 #include "infrasim/config/lidar_checks.h"
 #include "infrasim/pipeline/frame_stream.h"
 #include "infrasim/pipeline/run_folder.h"

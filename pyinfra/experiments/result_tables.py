@@ -86,6 +86,8 @@ ENDS = (  # columns with the low and the high end of an interval
 
 
 PRETRAINED = "generalist-as-is"  # the pretrained detector without further training
+# Detectors of which messages and reports do not show the identifier
+DETECTOR_WORDS = {PRETRAINED: "pretrained", "generalist": "fine-tuned"}
 AS_THEY_COME = ("background", PRETRAINED)  # detectors that have no training steps
 _EXPERIMENT = " ".join((*EXPERIMENT, "seed"))
 KINDS = {

@@ -10,6 +10,7 @@ from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.data_set import MIN_VISIBILITY
 from pyinfra.dataset.frame_tables import Predictions, Vehicles
+from pyinfra.dataset.frames import usual_step
 from pyinfra.dataset.regions import FOOTWAYS_M
 from pyinfra.dataset.roads import Places
 from pyinfra.dataset.windows import Window
@@ -149,5 +150,5 @@ def block_seconds(truth: GroundTruth, *, people: bool = False, present: bool = F
         vehicles = vehicles.select(on_foot)
     elif on_foot.any():
         vehicles = vehicles.select(~on_foot | truth.places(vehicles.mid_frame).inside)
-    apart = float(np.median(np.diff(truth.frames))) if len(truth.frames) > 1 else 1.0
-    return intervals.block_seconds(vehicles.frame, vehicles.ids, apart * truth.period_s)
+    apart_s = usual_step(truth.frames) * truth.period_s
+    return intervals.block_seconds(vehicles.frame, vehicles.ids, apart_s)

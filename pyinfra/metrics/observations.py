@@ -19,6 +19,7 @@ from pyinfra.dataset.data_set import (
     road_level,
 )
 from pyinfra.dataset.frame_readers import track_ids
+from pyinfra.dataset.frames import usual_step
 from pyinfra.formats import kitti
 from pyinfra.metrics.intervals import Blocks, block_seconds, time_blocks
 
@@ -82,9 +83,7 @@ def blocks_of(data: DataSet, vehicles: Observations, frames: IntArray | None = N
     frames: numbers of the frames to use; by default all.
     """
     visible, numbers = vehicles.visible(), np.array(data.frames, dtype=np.int64)
-    apart_s = (
-        data.period_s * float(np.median(np.diff(numbers))) if len(numbers) > 1 else data.period_s
-    )
+    apart_s = data.period_s * usual_step(data.frames)
     block_s = block_seconds(vehicles.frame[visible], vehicles.ids[visible], apart_s)
     return time_blocks(numbers if frames is None else frames, data.period_s, block_s=block_s)
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-import yaml
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
@@ -18,6 +17,7 @@ from matplotlib.patches import Circle, Patch
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.files import check_output, replacing
 from pyinfra.formats.ply import read_ply
+from pyinfra.formats.yaml_file import read_keys
 from pyinfra.scenes.maps import site_folder
 from pyinfra.scenes.maps.lane_map import MapError
 from pyinfra.viz.picture_style import STYLE, legend_below
@@ -71,13 +71,10 @@ def read_lanes(file: Path) -> dict[str, FloatArray]:
 
 
 def read_scene(folder: Path) -> dict[str, Any]:
-    """Returns the raw content of site.yaml. Raises MapError."""
-    file = folder / "site.yaml"
-    try:
-        scene = yaml.safe_load(file.read_text())
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise MapError(f"{file}: {' '.join(str(error).split())}") from error
-    if not isinstance(scene, dict) or "lanes" not in scene:
+    """Returns the raw content of site.yaml. Raises Error and OSError."""
+    file = site_folder.scene_of(folder)
+    scene = read_keys(file)
+    if "lanes" not in scene:
         raise MapError(
             f"{file}: expected the key lanes of a site of `pyinfra site import`, got none"
         )

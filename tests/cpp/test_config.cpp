@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "infrasim/config/lidar_changes.h"
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/config/lidar_tables.h"
 #include "infrasim/config/scene_config.h"

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "infrasim/config/lidar_changes.h"
 #include "infrasim/io/kitti.h"
 #include "infrasim/pipeline/simulate.h"
 #include "infrasim/sensor/beam.h"

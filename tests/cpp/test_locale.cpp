@@ -17,6 +17,7 @@
 #include "infrasim/pipeline/run_folder.h"
 #include "infrasim/pipeline/world.h"
 #include "infrasim/scene/trajectories.h"
+#include "infrasim/scene/trajectory_text.h"
 #include "small_scenes.h"
 
 namespace infrasim {

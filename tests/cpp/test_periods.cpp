@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "infrasim/config/lidar_changes.h"
 #include "infrasim/pipeline/frame_stream.h"
 #include "infrasim/pipeline/observer.h"
 #include "infrasim/pipeline/run.h"

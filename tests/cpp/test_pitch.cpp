@@ -4,6 +4,7 @@
 
 #include "infrasim/pipeline/simulate.h"
 #include "infrasim/scene/trajectories.h"
+#include "infrasim/scene/trajectory_text.h"
 #include "small_scenes.h"
 
 namespace infrasim {

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "infrasim/config/lidar_changes.h"
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/core/geometry.h"
 #include "infrasim/core/normal.h"

@@ -12,6 +12,7 @@
 #include "infrasim/config/lidar_tables.h"
 #include "infrasim/core/geometry.h"
 #include "infrasim/scene/trajectories.h"
+#include "infrasim/sensor/field_of_view.h"
 #include "infrasim/sensor/pattern_table.h"
 #include "infrasim/sensor/scan_pattern.h"
 #include "small_scenes.h"

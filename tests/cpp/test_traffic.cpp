@@ -15,6 +15,7 @@
 #include "infrasim/scene/traffic.h"
 #include "infrasim/scene/traffic_signals.h"
 #include "infrasim/scene/traffic_state.h"
+#include "infrasim/scene/trajectory_text.h"
 #include "small_scenes.h"
 
 namespace infrasim {

@@ -16,6 +16,7 @@
 #include "infrasim/scene/state_source.h"
 #include "infrasim/scene/traffic.h"
 #include "infrasim/scene/trajectories.h"
+#include "infrasim/scene/trajectory_text.h"
 #include "small_scenes.h"
 
 namespace infrasim {

@@ -6,6 +6,7 @@
 
 #include "infrasim/core/files.h"
 #include "infrasim/pipeline/trajectory_file.h"
+#include "infrasim/scene/trajectory_text.h"
 #include "small_scenes.h"
 
 namespace infrasim {

@@ -8,6 +8,7 @@
 #include "infrasim/pipeline/observer.h"
 #include "infrasim/pipeline/world.h"
 #include "infrasim/scene/traffic_checks.h"
+#include "infrasim/scene/trajectory_text.h"
 #include "small_scenes.h"
 
 namespace infrasim {

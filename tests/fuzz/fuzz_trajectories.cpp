@@ -4,6 +4,7 @@
 
 #include "fuzz_folder.h"
 #include "infrasim/scene/trajectories.h"
+#include "infrasim/scene/trajectory_text.h"
 
 // Input: the text of a trajectories.csv, whole, below its header, or below its first row. It is
 // read or refused with a ConfigError; what was read is written to a text that reads back to itself.

@@ -6,6 +6,7 @@
 #include <numeric>
 #include <utility>
 
+#include "infrasim/config/lidar_changes.h"
 #include "infrasim/core/errors.h"
 
 namespace infrasim::cli {

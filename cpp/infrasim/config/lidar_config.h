@@ -209,18 +209,6 @@ struct LidarConfig {
 
 double rays_per_s(const PatternConfig& pattern);
 
-/// Sets `law_exponent` of the units with one published range. The published ranges of the other
-/// units determine the exponent.
-/// @return whether any unit has changed
-/// @throws ConfigError for an exponent that is not allowed
-bool set_law_exponent(LidarConfig& lidar, double exponent);
-/// Returns the mode with a name.
-/// @throws ConfigError for an unknown name
-EchoMode echo_mode(const std::string& name);
-
-/// Sets the echo mode of all units.
-/// @throws ConfigError if a unit does not detect by received power, or does not offer the mode
-void set_echo_mode(LidarConfig& lidar, EchoMode mode);
 /// Returns the frame period: one turn of a spinning unit, or the key period_s. All units of a LiDAR
 /// have the same period.
 double period_s(const PatternConfig& pattern);
@@ -228,11 +216,6 @@ double period_s(const LidarConfig& lidar);
 /// Returns the common frame period of LiDARs; kUsualPeriod_s without a LiDAR.
 /// @throws ConfigError if the periods differ
 double period_s(std::span<const LidarConfig> lidars);
-
-/// Returns the LiDAR with another number of frames per second. The firing cycle of a spinning unit
-/// does not change, so the number of columns per turn changes.
-/// @throws ConfigError if the rate is out of range, or gives no short fraction of columns
-LidarConfig with_rate(LidarConfig lidar, double rate_hz);
 
 /// Reads one preset of a LiDAR file. Paths in the file are relative to the file.
 /// @throws ConfigError, IoError

@@ -1,63 +1,22 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
-#include <memory>
-#include <optional>
 #include <span>
-#include <string>
 #include <vector>
 
-#include "infrasim/config/lidar_config.h"
 #include "infrasim/core/aggregation.h"
 #include "infrasim/core/rng.h"
 #include "infrasim/pipeline/frame_builder.h"
+#include "infrasim/pipeline/scanner_unit.h"
 #include "infrasim/pipeline/stage_times.h"
-#include "infrasim/pipeline/static_layer.h"
 #include "infrasim/pipeline/transparent.h"
 #include "infrasim/pipeline/vehicles.h"
 #include "infrasim/raycast/raycaster.h"
 #include "infrasim/raycast/volumes.h"
-#include "infrasim/sensor/beam.h"
 #include "infrasim/sensor/echo_merge.h"
 #include "infrasim/sensor/echoes.h"
-#include "infrasim/sensor/return_model.h"
-#include "infrasim/sensor/scan_pattern.h"
 
 namespace infrasim {
-
-/// One optical unit of a LiDAR, with all data that its rays require.
-struct ScannerUnit {
-  ScanPattern pattern;
-  ReturnModel returns;
-  std::optional<Beam> beam;  ///< present if rays have a divergence or give several points
-  float max_range;
-  double period_s;  ///< frame period
-  Rng stream;       ///< random numbers of the unit
-  /// tile orders by number of groups
-  std::map<std::int64_t, std::vector<std::uint32_t>> tile_orders;
-  std::shared_ptr<const StaticLayer> layer;  ///< if null, all rays are cast
-
-  /// Returns whether the unit can have a static layer. It can if the pattern repeats, the static
-  /// scene is seen by single rays, and the layer fits into the memory limit.
-  bool can_have_layer() const {
-    return pattern.repeats_after() > 0 && !(beam && beam->everywhere()) &&
-           layer_bytes(pattern) <= kMostLayerBytes;
-  }
-  /// Tangent of the angle between a ray and its outermost sub-rays.
-  float half_width() const { return beam ? beam->half_width() : 0; }
-
-  /// Returns the rays that are fired between two shares of frame k.
-  RayRange rays(int k, double from = 0, double to = 1) const;
-};
-
-/// Rotation from a unit's frame to the levelled frame.
-Mat3 unit_pose(const SceneConfig& scene, const LidarUnit& unit);
-
-/// All units of a LiDAR.
-/// @param stream_prefix prefix of the names of the units' random streams
-std::vector<ScannerUnit> make_scanner_units(const SceneConfig& scene, const LidarConfig& lidar,
-                                            const std::string& stream_prefix = "");
 
 /// Casts the rays of LiDARs and converts hits to returns, one part of a frame after the other. The
 /// steps are: cast, stop in leaves, pass through panes, merge beams, detect. A beam that meets a

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "infrasim/pipeline/world.h"
+#include "infrasim/scene/trajectory_text.h"
 
 namespace infrasim {
 

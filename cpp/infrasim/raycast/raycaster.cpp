@@ -8,116 +8,16 @@
 #include <bit>
 #include <iterator>
 #include <numeric>
-#include <stdexcept>
-#include <string>
 #include <vector>
 
 #include "infrasim/core/math.h"
-#include "infrasim/raycast/embree.h"
-#include "infrasim/raycast/packets.h"
+#include "infrasim/raycast/mesh_scene.h"
 
 namespace infrasim {
 
 namespace {
 
 constexpr int kGrid = 8;  // visibility rays along each side of a box
-
-struct Release {
-  void operator()(RTCScene scene) const { rtcReleaseScene(scene); }
-  void operator()(RTCGeometry geometry) const { rtcReleaseGeometry(geometry); }
-};
-using SceneHandle = std::unique_ptr<RTCSceneTy, Release>;
-using GeometryHandle = std::unique_ptr<RTCGeometryTy, Release>;
-
-/// Where a ray meets the plane of a triangle.
-struct PlaneHit {
-  float range;
-  double ahead;  ///< scalar product of the plane's normal and the ray's direction
-};
-
-/// A mesh with its hierarchy. Embree reads the vertices and triangles from here.
-struct MeshScene {
-  std::vector<std::array<float, 3>> vertices;
-  std::vector<std::array<std::uint32_t, 3>> triangles;
-  SceneHandle scene;
-
-  /// Where a ray meets the plane of a triangle. Embree's own range depends on the processor, which
-  /// approximates reciprocals.
-  /// @param normal normal of the triangle, of any length
-  /// @param embree range that is used if the ray is parallel to the plane
-  PlaneHit hit(std::uint32_t triangle, Vec3 normal, const BodyMotion::UnitRay& ray,
-               float embree) const {
-    const auto& v = vertices[triangles[triangle][0]];
-    const double ahead = dot(normal, Vec3{ray.dx, ray.dy, ray.dz});
-    const double range =
-        dot(normal, Vec3{v[0] - double{ray.x}, v[1] - double{ray.y}, v[2] - double{ray.z}}) / ahead;
-    return {std::isfinite(range) ? static_cast<float>(range) : embree, ahead};
-  }
-};
-
-GeometryHandle mesh_geometry(RTCDevice device, const MeshScene& mesh, const EmbreeError& error) {
-  GeometryHandle handle(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE));
-  error.check();
-  rtcSetSharedGeometryBuffer(handle.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                             mesh.vertices.data(), 0, 3 * sizeof(float), mesh.vertices.size() - 1);
-  error.check();
-  rtcSetSharedGeometryBuffer(handle.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                             mesh.triangles.data(), 0, 3 * sizeof(std::uint32_t),
-                             mesh.triangles.size());
-  error.check();
-  rtcCommitGeometry(handle.get());
-  error.check();
-  return handle;
-}
-
-MeshScene mesh_scene(RTCDevice device, const TriangleMesh& mesh, const EmbreeError& error) {
-  MeshScene out{mesh.vertices, mesh.triangles, SceneHandle(rtcNewScene(device))};
-  out.vertices.emplace_back();  // Embree reads 4 bytes more than the last vertex has
-  error.check();
-  rtcSetSceneFlags(out.scene.get(), RTC_SCENE_FLAG_ROBUST);
-  if (!out.triangles.empty())
-    rtcAttachGeometryByID(out.scene.get(), mesh_geometry(device, out, error).get(), 0);
-  rtcCommitScene(out.scene.get());
-  error.check();
-  return out;
-}
-
-/// One packet of rays. Fields that Embree does not change (masks, flags, nearest range) are set
-/// only once.
-struct Packet {
-  alignas(64) std::array<int, kPacketRays> valid{};
-  RTCRayHit16 rh{};
-
-  Packet() {
-    for (unsigned& mask : rh.ray.mask) mask = 0xFFFFFFFFU;
-  }
-
-  void set(std::size_t i, const BodyMotion::UnitRay& ray, float tnear, float tfar) {
-    rh.ray.org_x[i] = ray.x;
-    rh.ray.org_y[i] = ray.y;
-    rh.ray.org_z[i] = ray.z;
-    rh.ray.dir_x[i] = ray.dx;
-    rh.ray.dir_y[i] = ray.dy;
-    rh.ray.dir_z[i] = ray.dz;
-    rh.ray.tnear[i] = tnear;
-    rh.ray.tfar[i] = tfar;
-    rh.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
-  }
-
-  /// Casts the first `count` rays of the packet.
-  void intersect(RTCScene scene, std::size_t count) {
-    for (std::size_t i = 0; i < kPacketRays; ++i) valid[i] = i < count ? -1 : 0;
-    intersect16(valid.data(), scene, rh);
-  }
-
-  bool hit(std::size_t i) const { return rh.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID; }
-
-  /// The hit of a ray that the packet contains.
-  PlaneHit plane_hit(std::size_t i, const MeshScene& mesh, const BodyMotion::UnitRay& ray) const {
-    return mesh.hit(rh.hit.primID[i], {rh.hit.Ng_x[i], rh.hit.Ng_y[i], rh.hit.Ng_z[i]}, ray,
-                    rh.ray.tfar[i]);
-  }
-};
 
 /// Whether a ray meets the unit box, in which the mesh of a body lies, between two ranges. Also
 /// true for some rays that pass slightly beside the box.
@@ -162,56 +62,6 @@ void clear(std::size_t n, HitBatch& hits) {
 }
 
 }  // namespace
-
-struct MeshLibrary::Impl {
-  EmbreeError error;
-  RTCDevice device = nullptr;
-  std::vector<std::uint16_t> background_class;
-  std::vector<MeshScene> meshes;  ///< one per body, then the background
-
-  ~Impl() {
-    meshes.clear();
-    if (device != nullptr) rtcReleaseDevice(device);
-  }
-};
-
-MeshLibrary::MeshLibrary(const TriangleMesh& background, std::span<const TriangleMesh> bodies)
-    : impl_(std::make_unique<Impl>()) {
-  // One build thread, so that the hierarchy does not depend on the number of threads. One
-  // instruction set that every x86-64 processor has, and no configuration files of the user, so
-  // that the hits do not depend on the machine.
-  impl_->device = rtcNewDevice("threads=1,set_affinity=0,ignore_config_files=1,isa=sse2");
-  if (impl_->device == nullptr) throw std::runtime_error("Embree: no device");
-  impl_->error.watch(impl_->device);
-  impl_->background_class = background.class_id;
-  for (const TriangleMesh& body : bodies)
-    impl_->meshes.push_back(mesh_scene(impl_->device, body, impl_->error));
-  impl_->meshes.push_back(mesh_scene(impl_->device, background, impl_->error));
-}
-
-MeshLibrary::~MeshLibrary() = default;
-MeshLibrary::MeshLibrary(MeshLibrary&&) noexcept = default;
-
-CastOrigin MeshLibrary::origin(Vec3 position, double yaw) const {
-  const MeshScene& mesh = impl_->meshes.back();
-  const double c = math::cos(yaw), s = math::sin(yaw);
-  CastOrigin out{.position = position, .yaw = yaw, .horizon = {}};
-  for (const auto& triangle : mesh.triangles) {
-    std::array<Vec2, 3> outline;
-    double top = -kInf;
-    for (std::size_t i = 0; i < 3; ++i) {
-      const auto& vertex = mesh.vertices[triangle[i]];
-      const Vec2 d = Vec2{vertex[0], vertex[1]} - Vec2{position.x, position.y};
-      outline[i] = {c * d.x + s * d.y, c * d.y - s * d.x};
-      top = std::max(top, vertex[2] - position.z);
-    }
-    if (top > 0)
-      for (const ViewBounds& view : view_of(outline, top, top)) out.horizon.add(view);
-  }
-  return out;
-}
-
-RTCDeviceTy* MeshLibrary::device() const { return impl_->device; }
 
 struct Raycaster::Impl {
   const MeshLibrary::Impl& library;

@@ -7,6 +7,7 @@
 #include "infrasim/scene/site.h"
 #include "infrasim/scene/traffic.h"
 #include "infrasim/scene/trajectories.h"
+#include "infrasim/scene/trajectory_text.h"
 
 namespace infrasim {
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "infrasim/config/lidar_config.h"
+#include "infrasim/sensor/field_of_view.h"
 #include "infrasim/sensor/scan_pattern.h"
 
 namespace infrasim {

@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <tuple>
 
-#include "infrasim/core/errors.h"
 #include "infrasim/core/math.h"
 
 namespace infrasim {
@@ -18,65 +16,6 @@ constexpr std::int64_t kMostTurns = 1 << 17;  // maximum number of groups whose 
 double positive_fmod(double value, double period) {
   const double r = std::fmod(value, period);
   return r < 0 ? r + period : r;
-}
-
-/// Snell's law in vector form at a face with the given normal; mu = n_before / n_after. Totally
-/// reflected directions become NaN.
-void refract(Vec3 normal, double mu, DirectionBatch& directions) {
-  for (std::size_t i = 0; i < directions.x.size(); ++i) {
-    const double c =
-        directions.x[i] * normal.x + directions.y[i] * normal.y + directions.z[i] * normal.z;
-    const double turn = std::sqrt(1 - mu * mu * (1 - c * c)) - mu * c;
-    directions.x[i] = mu * directions.x[i] + turn * normal.x;
-    directions.y[i] = mu * directions.y[i] + turn * normal.y;
-    directions.z[i] = mu * directions.z[i] + turn * normal.z;
-  }
-}
-
-/// Applies Snell's law at a face perpendicular to x.
-void refract_flat(double mu, DirectionBatch& directions) {
-  for (std::size_t i = 0; i < directions.x.size(); ++i) {
-    directions.x[i] = std::sqrt(1 - mu * mu * (1 - directions.x[i] * directions.x[i]));
-    directions.y[i] *= mu;
-    directions.z[i] *= mu;
-  }
-}
-
-/// Directions behind one prism whose tilted face has the given normal.
-void pass(const PrismConfig& prism, Vec3 tilted, DirectionBatch& directions) {
-  const double n = prism.refractive_index;
-  if (prism.faces == Faces::kTiltedFirst) {
-    refract(tilted, 1 / n, directions);
-    refract_flat(n, directions);
-  } else {
-    refract_flat(1 / n, directions);
-    refract(tilted, n, directions);
-  }
-}
-
-/// @throws ConfigError for total reflection
-void check_transmitted(const DirectionBatch& directions) {
-  if (std::ranges::any_of(directions.x, [](double x) { return std::isnan(x); }))
-    throw ConfigError(
-        "pattern.prisms.prisms: expected smaller angle_deg, refractive_index or "
-        "laser_offsets, got light that is reflected and does not leave a prism");
-}
-
-/// The directions of all lasers behind the prisms at one time.
-/// @throws ConfigError for total reflection
-/// @param tilts cosine and sine of the wedge angle of each prism
-void trace(const std::vector<PrismConfig>& prisms,
-           const std::vector<std::pair<double, double>>& tilts, const DirectionBatch& lasers,
-           double time_s, DirectionBatch& directions) {
-  directions = lasers;
-  for (std::size_t i = 0; i < prisms.size(); ++i) {
-    const PrismConfig& prism = prisms[i];
-    const auto [ca, sa] = tilts[i];
-    const auto [c, s] =
-        math::cos_sin(2 * kPi * std::fmod(prism.rpm / 60 * time_s, 1.0) + rad(prism.phase_deg));
-    pass(prism, {ca, sa * c, sa * s}, directions);
-  }
-  check_transmitted(directions);
 }
 
 /// Indices of the elevations in increasing order; equal elevations keep their order.
@@ -355,46 +294,6 @@ std::vector<Channel> channels_by_ring(const SpinningConfig& spinning) {
   for (const std::uint32_t i : ascending(elevations))
     channels.push_back(spinning.channels.table[i]);
   return channels;
-}
-
-namespace {
-
-/// Returns the span of some azimuths (degrees). A span across 180 degrees, which ends above 180, is
-/// used only if it is narrower than the other span by more than kLeastGain_deg.
-std::pair<double, double> azimuth_span(std::vector<double> azimuths) {
-  constexpr double kLeastGain_deg = 1;
-  std::ranges::sort(azimuths);
-  double low = azimuths.front(), high = azimuths.back();
-  double narrowest = high - low - kLeastGain_deg;
-  for (std::size_t i = 1; i < azimuths.size(); ++i) {
-    const double width = azimuths[i - 1] + 360 - azimuths[i];
-    if (width >= narrowest) continue;
-    narrowest = width;
-    low = azimuths[i];
-    high = azimuths[i - 1] + 360;
-  }
-  return {low, high};
-}
-
-}  // namespace
-
-FieldOfView field_of_view(const ScanPattern& pattern) {
-  FieldOfView fov{-180, 180, 90, -90};
-  std::vector<double> azimuths;
-  RayRange rays = pattern.fired_between(0, pattern.cycle_s());
-  if (pattern.spins())
-    rays.last = rays.first + pattern.group_size();  // one group has all elevations
-  for (std::int64_t i = rays.first; i < rays.last; ++i) {
-    const Vec3 d = pattern.ray(i).direction;
-    azimuths.push_back(deg(math::atan2(d.y, d.x)));
-    const double elevation = deg(math::asin(d.z));
-    fov.elevation_min_deg = std::min(fov.elevation_min_deg, elevation);
-    fov.elevation_max_deg = std::max(fov.elevation_max_deg, elevation);
-  }
-  // The field of view of a spinning LiDAR includes the azimuths between its columns.
-  if (!pattern.spins())
-    std::tie(fov.azimuth_min_deg, fov.azimuth_max_deg) = azimuth_span(std::move(azimuths));
-  return fov;
 }
 
 }  // namespace infrasim

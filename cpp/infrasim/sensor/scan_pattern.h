@@ -9,6 +9,7 @@
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/core/geometry.h"
 #include "infrasim/core/rays.h"
+#include "infrasim/sensor/prisms.h"
 
 namespace infrasim {
 
@@ -23,12 +24,6 @@ struct RayRange {
 struct Ray {
   Vec3 direction;
   double time_s = 0;
-};
-
-/// Directions of all lasers of a step, one column per component, so that loops over them can be
-/// vectorised.
-struct DirectionBatch {
-  std::vector<double> x, y, z;
 };
 
 /// Directions and times of the rays of one optical unit. Rays are fired in groups. A group is a
@@ -126,14 +121,5 @@ class ScanPattern {
 /// Returns the channels of a spinning unit from the lowest ring up. Channels of one elevation keep
 /// their order.
 std::vector<Channel> channels_by_ring(const SpinningConfig& spinning);
-
-/// Extent of a pattern in its own frame. A pattern that sees across 180 degrees of azimuth has a
-/// maximum above 180.
-struct FieldOfView {
-  double azimuth_min_deg, azimuth_max_deg, elevation_min_deg, elevation_max_deg;
-};
-
-/// Returns the bounding box of all directions of one second.
-FieldOfView field_of_view(const ScanPattern& pattern);
 
 }  // namespace infrasim

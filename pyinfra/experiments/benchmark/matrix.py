@@ -16,6 +16,7 @@ from pyinfra.core.vocabulary import Preset, Tier
 from pyinfra.dataset import split
 from pyinfra.dataset.catalogue import configs, shipped
 from pyinfra.dataset.frames import PERIOD_S
+from pyinfra.experiments.result_tables import DETECTOR_WORDS
 from pyinfra.experiments.value import Costs
 from pyinfra.scenes.maps.site_folder import MAP, SCENE
 
@@ -129,7 +130,9 @@ class Experiment:
 
     @property
     def title(self) -> str:
-        return " ".join(str(value) for value in asdict(self).values())
+        """The fields in words, for messages."""
+        values = asdict(self) | {"detector": DETECTOR_WORDS.get(self.detector, self.detector)}
+        return " ".join(map(str, values.values()))
 
     @property
     def data_set(self) -> str:

@@ -143,7 +143,7 @@ def verdict_lines(options: Sequence[Option], request: Request, frames: int) -> I
             yield f"Not known whether {found if 'find' in deciding else rare}: {first}."
             yield settled_by(standing, request, frames)
         case "not met":
-            yield f"Not met: no option within the budget finds {wanted:g} of 100{also}; {first}."
+            yield f"Not met: {wanted:g} of 100{also} were asked for, and {first}."
             least, most = math.floor(100 * share.low) / 100, math.ceil(per_minute * rate.high)
             values = {"find": f"{least}", "false_per_minute": f"{most}"}
             missed = " and ".join(f"`{name}` {values[name]}" for name in deciding)

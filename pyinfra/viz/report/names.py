@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pyinfra.dataset.catalogue import LIDARS, configs
+from pyinfra.experiments.result_tables import DETECTOR_WORDS
 from pyinfra.formats.kitti import read_keys
 from pyinfra.viz.report.style import Look, look
 
@@ -24,10 +25,9 @@ DETECTORS = {
     "pointrcnn-remedied": "PointRCNN, remedied",
     "centerpoint-pillar": "CenterPoint-Pillar",
     "background": "Background",
-    "generalist-as-is": "pretrained",
-    "generalist": "fine-tuned",
+    **DETECTOR_WORDS,
 }
-OF_PACKAGE = ("generalist-as-is", "generalist")  # detectors whose name is an adjective
+OF_PACKAGE = tuple(DETECTOR_WORDS)  # detectors whose name is an adjective
 
 
 @dataclass(frozen=True)
