@@ -9,11 +9,11 @@ namespace {
 
 constexpr VehicleParts kNoParts{false, false, false, false, false};
 
-// offset of a ray's random numbers for leaves, which follow the samples of its echoes
+// index of a ray's random stream for leaves; lower indices are used for the ray's echoes
 constexpr std::uint64_t kLeafStream = 64;
 
-/// Returns the end of the part of the frame that begins with group `first` and is cast as one
-/// batch.
+/// Returns the end of the batch of ray groups that begins with group `first`. A group consists of
+/// rays that are fired together, such as a column of a spinning LiDAR.
 std::int64_t part_end(const ScannerUnit& scanner, std::int64_t first, std::int64_t last) {
   if (scanner.layer) return scanner.layer->part_end(first, last);
   const int group = scanner.pattern.group_size();
@@ -60,9 +60,9 @@ std::size_t Caster::cast(int k, const WorldSlice& slice, const FrameVehicles& ve
   return cast;
 }
 
-/// Makes the rays of a part. With a static layer, the batch has only rays that can give a point:
-/// those that may meet a body or leaves, and the candidates of the layer. Candidates get no
-/// direction yet if the layer has all surfaces that they may meet.
+/// Makes the rays of a part of the frame. With a static layer, these are only rays that can give a
+/// point: rays that may meet a body or leaves, and rays whose static hit can be detected. Rays of
+/// the second kind get their direction later, in make_returned_rays.
 void Caster::make_rays(const Part& part) {
   const ScannerUnit& scanner = part.scanner;
   const int size = scanner.pattern.group_size();
@@ -99,21 +99,20 @@ void Caster::make_rays(const Part& part) {
   scanner.pattern.generate(part.first, part.start_s, dynamic_, rays_);
 }
 
-/// Makes the rays that gave a point and do not have a direction yet.
+/// Computes the directions of rays that gave a point but have no direction yet.
 void Caster::make_returned_rays(const Part& part) {
   if (!part.scanner.layer) return;
   static_.clear();
   auto dynamic = dynamic_.begin();
   for (const std::uint32_t echo : returns_.echo) {
-    if (echo >= rays_.size()) continue;  // its ray has a direction
+    if (echo >= rays_.size()) continue;  // a weaker echo, whose ray already has a direction
     while (dynamic != dynamic_.end() && *dynamic < echo) ++dynamic;
     if (dynamic == dynamic_.end() || *dynamic != echo) static_.push_back(echo);
   }
   part.scanner.pattern.generate(part.first, part.start_s, static_, rays_);
 }
 
-/// Finds the nearest hits of the rays. Beams that meet a moving object become `beams_`, with the
-/// hits of their sub-rays.
+/// Finds the nearest hit of each ray and, for wide beams, the hits of their sub-rays.
 /// @return number of rays cast
 std::size_t Caster::cast_rays(const Part& part) {
   const ScannerUnit& scanner = part.scanner;
@@ -129,14 +128,14 @@ std::size_t Caster::cast_rays(const Part& part) {
   return selected_.size();
 }
 
-/// Whether rays of the part are lost at random, whatever they meet.
+/// Returns whether rays can be lost at random, independently of the surface that they meet.
 bool Caster::loses_rays(const Part& part) const {
   const ScannerUnit& scanner = part.scanner;
   return scanner.returns.loses_rays() && scanner.returns.echo_mode() == EchoMode::kStrongest &&
          !(scanner.layer && scanner.layer->has_recorded());
 }
 
-/// Removes the rays that are lost at random, which need not be cast.
+/// Removes the rays that are lost at random and therefore need not be cast.
 /// @param numbers numbers of rays of the part
 void Caster::leave_out_lost(const Part& part, std::vector<std::uint32_t>& numbers) const {
   std::erase_if(numbers, [&](std::uint32_t number) {
@@ -162,7 +161,7 @@ void Caster::select(const Part& part) {
   if (loses_rays(part)) leave_out_lost(part, selected_);
 }
 
-/// Selects the tiles of rays that may meet a body.
+/// Selects the tiles (packets of neighbouring rays) in which a ray may meet a moving body.
 void Caster::select_for_bodies(const Part& part) {
   ScannerUnit& scanner = part.scanner;
   const float spread = scanner.half_width();
@@ -178,8 +177,8 @@ void Caster::select_for_bodies(const Part& part) {
   if (loses_rays(part)) leave_out_lost(part, selected_);
 }
 
-/// Sets the hits of the rays to those of the static layer. The gain becomes the cosine of
-/// incidence, also of recorded surfaces, whose gain is not a cosine.
+/// Copies the hits of the static layer to the rays. The stored gain becomes the cosine of
+/// incidence, although the gain of a recorded surface is an intensity.
 void Caster::take_static_hits(const Part& part) {
   const StaticSlice layer = part.scanner.layer->slice(part.first, part.last, rays_.number);
   hits_.resize(rays_.size());
@@ -213,7 +212,7 @@ void Caster::stop_in_leaves(const Part& part) {
       const std::uint32_t number = way.ray - first;
       while (k < rays_.size() && rays_.number[k] < number) ++k;
       if (k == rays_.size()) break;
-      if (rays_.number[k] != number) continue;  // the ray gives no point
+      if (rays_.number[k] != number) continue;  // rays outside the batch give no point
       if (way.way.from < std::min(hits_.range[k], rays_.max_range))
         leaves_.stop_in(way, part.frame.at(part.first_ray + number).at(kLeafStream), k,
                         rays_.max_range, hits_);
@@ -226,15 +225,15 @@ void Caster::stop_in_leaves(const Part& part) {
   leaves_.stop(rays_, order_for_leaves(part), rng_of, hits_);
 }
 
-/// Returns the rays without sub-rays that may meet leaves. They include rays that are not cast.
+/// Returns the rays without sub-rays that may meet leaves, including rays that are not cast.
 std::span<const std::uint32_t> Caster::order_for_leaves(const Part& part) {
   if (bodies_only_) return selected_;
   if (part.scanner.layer) return in_leaves_;
   return tile_order(part.scanner, part.groups());
 }
 
-/// Makes echoes from the hits, including surfaces behind panes and below bodies.
-/// @return number of rays that were cast again behind a pane or below a body
+/// Makes echoes from the hits, including echoes of surfaces behind window panes and below vehicles.
+/// @return number of rays that were cast again behind a pane or below a vehicle
 std::size_t Caster::pass_panes(const Part& part) {
   const ScannerUnit& scanner = part.scanner;
   const StaticSlice background =

@@ -19,37 +19,39 @@
 namespace infrasim {
 
 /// Casts the rays of LiDARs and converts hits to returns, one part of a frame after the other. The
-/// steps are: cast, stop in leaves, pass through panes, merge beams, detect. A beam that meets a
-/// moving object is cast as sub-rays, which all have the static hit of the middle ray. Any other
-/// beam is cast as one ray. A caster keeps its buffers between frames. Not thread-safe.
+/// steps are: cast the rays, stop them in leaves, continue them behind window panes, merge the
+/// echoes of each beam, and detect. A beam that meets a moving object is cast as sub-rays, which
+/// all have the static hit of the middle ray. Any other beam is cast as one ray. A caster keeps its
+/// buffers between frames. Not thread-safe.
 class Caster {
  public:
-  /// @param parts  parts of vehicles, for LiDARs that detect by received power
+  /// @param parts  modelled parts of vehicles, used for LiDARs that detect by received power
   /// @param leaves volumes of leaves; must outlive the caster
   Caster(Raycaster& raycaster, const VehicleParts& parts, const Volumes& leaves)
       : raycaster_(raycaster), parts_(parts), leaves_(leaves), transparent_(raycaster) {}
 
-  /// Casts only rays that may meet a moving body, and adds only returns from bodies. These returns
-  /// are the same as when all rays are cast.
+  /// Makes all following casts use only rays that may meet a moving body, and add only returns from
+  /// moving bodies. These returns are the same as when all rays are cast.
   void see_bodies_only() { bodies_only_ = true; }
 
-  /// Measures the stages of all following casts. `times` must exist during these casts.
+  /// Adds the CPU time of each stage of all following casts to `times`, which must exist during
+  /// these casts.
   void measure(StageTimes& times) { times_ = &times; }
 
   /// Adds the returns of the rays that the unit fires in one slice of frame k.
-  /// @param vehicles the vehicles that the raycaster has
-  /// @return number of rays that were cast; a static layer makes it smaller, a wide beam larger
+  /// @param vehicles the vehicles that are set in the raycaster
+  /// @return number of rays cast, which is smaller with a static layer and larger with wide beams
   std::size_t cast(int k, const WorldSlice& slice, const FrameVehicles& vehicles,
                    ScannerUnit& scanner, FrameBuilder& out);
 
  private:
-  /// Consecutive groups of one unit that are processed at once.
+  /// Consecutive ray groups of one optical unit that are processed at once.
   struct Part {
     ScannerUnit& scanner;
     const FrameVehicles& vehicles;
-    std::int64_t first, last;  ///< groups
-    double start_s;            ///< start of the frame
-    const Rng& frame;          ///< random numbers of the unit and frame
+    std::int64_t first, last;  ///< first ray group, and one past the last ray group
+    double start_s;            ///< start of the frame, seconds
+    const Rng& frame;          ///< random numbers of this unit in this frame
     std::uint64_t first_ray;   ///< number of the part's first ray within the frame
 
     std::int64_t groups() const { return last - first; }
@@ -90,29 +92,29 @@ class Caster {
   StageTimes* times_ = nullptr;
   TransparentCaster transparent_;
   RayBatch rays_;  ///< rays of the part; with a static layer, only those that can give a point
-  std::vector<std::uint32_t> dynamic_;    ///< rays that need a direction before they are detected
-  std::vector<std::uint32_t> static_;     ///< rays that need no direction before they are detected
-  std::vector<std::uint32_t> position_;   ///< position in `rays_` of a dynamic ray, by its number
+  std::vector<std::uint32_t> dynamic_;    ///< rays whose direction is needed before detection
+  std::vector<std::uint32_t> static_;     ///< rays whose direction is needed only after detection
+  std::vector<std::uint32_t> position_;   ///< index in `rays_` of each dynamic ray, by ray number
   std::vector<std::uint32_t> selected_;   ///< rays that must be cast
   std::vector<std::uint32_t> in_leaves_;  ///< rays that may meet leaves
   HitBatch hits_;                         ///< hits of the rays, until they become echoes
-  EchoBatch echoes_;                      ///< strongest echo of each ray, then `others_`
+  EchoBatch echoes_;                      ///< strongest echo of each ray, then the weaker echoes
   std::vector<std::uint32_t> beams_;      ///< rays that have sub-rays
-  RayBatch sub_rays_;                     ///< sub-rays of `beams_`: the probes, then the others
-  std::vector<SubRay> sub_;               ///< beam and share of each sub-ray
-  std::vector<std::uint8_t> sub_number_;  ///< number of each sub-ray in its beam
+  RayBatch sub_rays_;                     ///< sub-rays of `beams_`: first the probes of all beams
+  std::vector<SubRay> sub_;               ///< beam and power share of each sub-ray
+  std::vector<std::uint8_t> sub_number_;  ///< number of each sub-ray within its beam
   std::vector<std::uint32_t> sub_order_;
-  std::vector<std::uint32_t> beam_of_;  ///< position in `beams_` of each sub-ray
+  std::vector<std::uint32_t> beam_of_;  ///< index in `beams_` of each sub-ray's beam
   HitBatch sub_hits_;
   EchoBatch sub_echoes_;
-  std::vector<float> static_range_m_, static_gain_;  ///< static hits of `beams_`
+  std::vector<float> static_range_m_, static_gain_;  ///< hits of `beams_` on static surfaces
   std::vector<std::uint16_t> static_class_;
-  std::vector<WeakerEcho> weaker_;     ///< other echoes of the sub-rays
-  std::vector<WeakerEcho> others_;     ///< other echoes of the rays, by ray, then by strength
-  std::vector<float> sunlit_;          ///< reflectance of the beams in sunlight
-  std::vector<std::uint32_t> number_;  ///< ray of each echo, used if rays have several echoes
+  std::vector<WeakerEcho> weaker_;     ///< weaker echoes of the sub-rays
+  std::vector<WeakerEcho> others_;     ///< weaker echoes of the rays, by ray, then by strength
+  std::vector<float> sunlit_;          ///< reflectance of all surfaces in a beam, for sunlight
+  std::vector<std::uint32_t> number_;  ///< ray number of each echo, for rays with several echoes
   std::vector<std::uint16_t> ring_;
-  std::vector<std::uint8_t> rank_;  ///< number of each echo among those of its ray
+  std::vector<std::uint8_t> rank_;  ///< rank of each echo by strength among the echoes of its ray
   ReturnBatch returns_;
 };
 

@@ -1,4 +1,4 @@
-// The steps of Caster that cast wide beams as sub-rays.
+// Member functions of Caster that cast wide beams as several sub-rays.
 
 #include <algorithm>
 #include <numeric>
@@ -32,7 +32,7 @@ std::size_t Caster::cast_beams(const Part& part) {
     cast_sub_rays(part, every, 0, beam.sub_rays());
     return cast + sub_rays_.size();
   }
-  // Rays without sub-rays can still meet bodies near the sensor.
+  // Rays without sub-rays are cast as single rays, because they can meet bodies near the sensor.
   auto next = beams_.begin();
   std::erase_if(selected_, [&](std::uint32_t ray) {
     const bool beam_of_ray = next != beams_.end() && *next == ray;
@@ -49,8 +49,9 @@ std::size_t Caster::cast_beams(const Part& part) {
   return cast + sub_rays_.size() - probes;
 }
 
-/// Appends sub-rays `from` to `to` - 1 of some beams to `sub_rays_`, with their hits.
-/// @param beams positions in `beams_`
+/// Appends the sub-rays numbered `from` to `to` - 1 of the given beams to `sub_rays_`, and finds
+/// the hits of these sub-rays.
+/// @param beams indices into `beams_`
 void Caster::cast_sub_rays(const Part& part, std::span<const std::uint32_t> beams, std::size_t from,
                            std::size_t to) {
   const Beam& beam = *part.scanner.beam;
@@ -67,7 +68,7 @@ void Caster::cast_sub_rays(const Part& part, std::span<const std::uint32_t> beam
     sub_[k] = {beams[(k - first) / n], shares[number]};
     sub_number_[k] = static_cast<std::uint8_t>(number);
   }
-  if (from > 0)  // the shares of the probes now belong to a beam with all its sub-rays
+  if (from > 0)  // in a full beam, the first sub-rays (probes) have smaller shares of the power
     for (const std::uint32_t b : beams)
       for (std::size_t j = 0; j < from; ++j) sub_[from * b + j].share = shares[j];
   sub_order_.resize(sub_rays_.size() - first);
@@ -83,7 +84,8 @@ void Caster::cast_sub_rays(const Part& part, std::span<const std::uint32_t> beam
   raycaster_.cast_bodies(sub_rays_, sub_order_, sub_hits_, true);
 }
 
-/// Removes the beams whose probes meet no moving object. They are cast as one ray.
+/// Removes the beams whose first sub-rays (probes) meet no moving object. Such a beam keeps the
+/// static hit of its middle ray.
 void Caster::keep_beams_on_bodies(const Part& part) {
   const std::size_t n = part.scanner.beam->probes();
   std::size_t kept = 0;
@@ -107,7 +109,7 @@ void Caster::keep_beams_on_bodies(const Part& part) {
   sub_.resize(n * kept);
 }
 
-/// Returns the positions in `beams_` of beams whose probes meet different surfaces.
+/// Returns the indices in `beams_` of beams whose first sub-rays (probes) meet several surfaces.
 std::vector<std::uint32_t> Caster::mixed_beams(const Part& part) const {
   const std::size_t n = part.scanner.beam->probes();
   const double separation_m = part.scanner.returns.separation_m();
@@ -121,7 +123,8 @@ std::vector<std::uint32_t> Caster::mixed_beams(const Part& part) const {
   return mixed;
 }
 
-/// Returns the static hits of the sub-rays. Each sub-ray has the static hit of its beam's ray.
+/// Returns the hits of the sub-rays on static surfaces. Each sub-ray has the static hit of its
+/// beam's middle ray.
 StaticSlice Caster::static_hits_of_beams() const {
   return {static_range_m_, static_gain_, static_class_, beam_of_};
 }

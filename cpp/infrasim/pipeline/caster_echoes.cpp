@@ -1,4 +1,4 @@
-// The steps of Caster that make points from echoes.
+// Member functions of Caster that make points from echoes.
 
 #include <algorithm>
 
@@ -17,7 +17,8 @@ void Caster::merge_beams(const Part& part) {
              several ? &others_ : nullptr);
 }
 
-/// Appends the other echoes of the rays to `echoes_`, and sets the columns of each echo's ray.
+/// Appends the weaker echoes of the rays to `echoes_`. Each echo gets the number, the ring and the
+/// sunlit reflectance of its ray.
 void Caster::add_other_echoes() {
   std::ranges::stable_sort(others_, {}, &WeakerEcho::ray);
   const std::size_t n = rays_.size();
@@ -40,18 +41,18 @@ void Caster::add_other_echoes() {
   for (std::size_t i = 0; i < kept; ++i) echoes_.set(n + i, others_[i].echo);
 }
 
-/// Keeps the returns that the echo mode selects, by increasing number of the ray.
+/// Keeps only the returns that the echo mode selects, in the order of their rays.
 void Caster::choose_echoes(EchoMode mode) {
   if (others_.empty()) return;
   const auto first_other =
       std::ranges::lower_bound(returns_.echo, static_cast<std::uint32_t>(rays_.size()));
   auto other = first_other - returns_.echo.begin();
   const ReturnBatch all = returns_;
-  std::vector<std::size_t> kept, rows;  // positions in `all`
+  std::vector<std::size_t> kept, rows;  // indices of returns in `all`
   const auto range = [&](std::size_t row) { return echoes_.range[all.echo[row]]; };
   const auto choose = [&] {
     if (rows.size() < 2) return kept.insert(kept.end(), rows.begin(), rows.end()), void();
-    // The rows are in the order of strength.
+    // The first entry of `rows` is the strongest return of the ray.
     const std::size_t nearest = *std::ranges::min_element(rows, {}, range);
     const std::size_t farthest = *std::ranges::max_element(rows, {}, range);
     if (mode == EchoMode::kFirst) return kept.push_back(nearest);

@@ -12,15 +12,16 @@ namespace infrasim {
 
 namespace {
 
-/// The version number of the frames of a folder, from the keys of its dataset.yaml. Versions before
-/// 0.4 wrote no number: it is 3 for version 0.3, and the text of the version for earlier ones.
+/// Returns the version number of the frames of a folder, from two keys of its dataset.yaml. Program
+/// versions before 0.4 wrote no such number. Version 0.3 gets the number 3; earlier versions get a
+/// text with the program version.
 std::string frames_version_of(const config::Tree* number, const config::Tree* version) {
   if (number != nullptr) return number->scalar;
   if (version == nullptr) return "unknown";
   return version->scalar.starts_with("0.3.") ? "3" : "unknown, of version " + version->scalar;
 }
 
-/// Removes the lines with paths of firing tables. The digests of the tables identify them.
+/// Removes the lines with the paths of firing tables, because digests identify the tables.
 std::string without_files(const std::string& text) {
   std::istringstream lines(text);
   std::string kept;
@@ -32,7 +33,8 @@ std::string without_files(const std::string& text) {
   return kept;
 }
 
-/// Removes a key from a map and returns it as a line of text; empty if the key is missing.
+/// Removes a key from a map and returns the key with its value as a line of text. Returns an empty
+/// text if the key is missing.
 std::string taken(config::Tree& map, const std::string& key) {
   const auto value = config::take(map, key);
   return value ? key + ": \"" + value->scalar + "\"\n" : "";
@@ -56,11 +58,11 @@ void check_frames_version(const std::filesystem::path& description) {
   try {
     tree = config::read_tree(description);
   } catch (const ConfigError&) {
-    return;  // the text is compared later, which gives the error
+    return;  // a later comparison of the file reports the error
   }
   const config::Tree* number = tree.find("frames_version");
   const config::Tree* version = tree.find("version");
-  if (number == nullptr && version == nullptr) return;  // not a dataset.yaml of a simulation
+  if (number == nullptr && version == nullptr) return;  // the file does not come from a simulation
   const std::string found = frames_version_of(number, version);
   const std::string expected = std::to_string(kFramesVersion);
   if (found == expected) return;
@@ -74,7 +76,7 @@ std::string lidar_identity(const std::string& text, const std::string& file) {
   const config::Tree tree = config::parse_tree(text.substr(0, end), file);
   if (end == std::string::npos ||
       (tree.find("pattern") == nullptr && tree.find("bundle") == nullptr))
-    return text;  // lidar.yaml of fused frames has no such keys
+    return text;  // the lidar.yaml of fused frames has neither pattern nor bundle
   return without_files(canonical_lidar(tree)) + text.substr(end + 1);
 }
 

@@ -11,27 +11,27 @@
 
 namespace infrasim {
 
-inline constexpr double kBoxMargin = 0.01;  ///< m; points on a face count as inside their box
+inline constexpr double kBoxMargin = 0.01;  ///< metres; tolerance for points on a face of a box
 
 /// One return before it becomes a point.
 struct Return {
   float dx, dy, dz;  ///< unit direction, levelled frame
-  float range;       ///< metres
-  float hit_range;   ///< metres, without noise
+  float range;       ///< range of the return, metres
+  float hit_range;   ///< range of the hit without noise, metres
   /// whether the beam is wider than a ray, so that the hit may lie beside the direction
   bool wide;
-  bool second;      ///< whether the return before it is of the same ray
-  float intensity;  ///< [0, 1]
-  float time;       ///< seconds since the start of the frame
+  bool second;      ///< whether the previous return is from the same ray
+  float intensity;  ///< intensity of the return, 0 to 1
+  float time;       ///< firing time since the start of the frame, seconds
   std::uint16_t ring;
   std::uint16_t class_id;
-  std::int32_t object;  ///< index among the frame's objects; -1: background
+  std::int32_t object;  ///< index of the object in the frame; -1 for background
 };
 
 /// Boxes of an object in the labels; levelled frame.
 struct ObjectBoxes {
-  Box3d frame;  ///< at mid-frame
-  Box3d scan;   ///< at the time of its returns
+  Box3d frame;  ///< box at mid-frame
+  Box3d scan;   ///< box at the mean time of the object's returns
 };
 
 /// Number of points on an object. Two points of one ray count once.
@@ -54,8 +54,8 @@ struct PointSpread {
 class FrameBuilder {
  public:
   void start();
-  /// Sets the time since the start of the frame at which the following returns see objects. Without
-  /// a value, each return sees objects at its own time.
+  /// Sets the time of the object positions for the following returns, in seconds since the start of
+  /// the frame. Without a value, each return has the positions at its own firing time.
   void see_objects_at(std::optional<double> time_s) { frozen_s_ = time_s; }
   /// Reserves memory for `more` calls of `add`.
   void reserve(std::size_t more);
@@ -79,18 +79,18 @@ class FrameBuilder {
   std::span<const float> xyz() const { return {scratch_.xyz.data(), 3 * size_}; }
   /// Keeps only the given rows, which must be in increasing order.
   void keep(std::span<const int> rows);
-  /// The points.
+  /// Returns all points with their attributes.
   PointCloud cloud() const;
 
-  /// Times (s) at which each object was seen, since the start of the frame.
+  /// Times of the returns of each object, in seconds since the start of the frame.
   std::vector<std::vector<double>> times_seen(std::size_t objects) const;
 
   /// Box of an object at a time since the start of the frame; levelled frame.
   using BoxAt = std::function<Box3d(std::size_t object, double time_s)>;
   /// Counts the points of each object, in total and inside its boxes. A point can lie outside a box
-  /// because of motion or because of range noise. Range noise has no effect on the counts, because
-  /// the positions without noise are used. For a wide beam, the hit is moved onto the object.
-  /// Points up to 1 cm outside a box count as inside.
+  /// because the object moves. Range noise has no effect on the counts, because the positions
+  /// without noise are used. The hit of a wide beam is moved onto the object. Points up to 1 cm
+  /// outside a box count as inside.
   std::vector<PointCount> count(std::span<const ObjectBoxes> boxes, const BoxAt& box_at) const;
 
   /// Counts the points of each object, and measures their extent along the axes of its box at the
@@ -107,14 +107,15 @@ class FrameBuilder {
     bool wide;
     Vec3 place;
 
-    /// Whether the hit before is another echo of the same ray and object, which counts once.
+    /// Whether the previous hit is another echo of the same ray and object. Two such hits count
+    /// once.
     bool again_after(const Hit* before) const {
       return before != nullptr && before->ray == ray && before->object == object;
     }
   };
   void add_hit(const Return& r);
 
-  PointCloud scratch_;  // keeps its largest size between frames
+  PointCloud scratch_;  // buffer that keeps its largest size between frames
   std::vector<Hit> hits_;
   std::optional<double> frozen_s_;
   std::size_t size_ = 0;

@@ -64,7 +64,7 @@ void FrameWriter::work() {
     } catch (...) {
       error = std::current_exception();
     }
-    job = nullptr;  // frees its frame before the lock is taken
+    job = nullptr;  // frees the job's frame before the mutex is locked
     lock.lock();
     busy_ = false;
     if (error) {

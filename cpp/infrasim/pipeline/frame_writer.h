@@ -10,8 +10,8 @@
 
 namespace infrasim {
 
-/// Runs jobs one after the other on a separate thread, while other threads compute. The queue is
-/// short. If it is full, the caller runs the job. If the thread could not start, the callers run
+/// Runs jobs one after the other on a separate thread, while other threads compute. If the short
+/// queue of jobs is full, the caller runs the job. If the thread could not start, the callers run
 /// all jobs.
 class FrameWriter {
  public:
@@ -25,7 +25,7 @@ class FrameWriter {
   FrameWriter& operator=(const FrameWriter&) = delete;
 
   /// Adds a job. Any thread may call this function. The job is done before `finish` returns.
-  /// @throws the exception of an earlier job or of this one
+  /// @throws the exception of an earlier job or of this job
   void write(Job job);
 
   /// Waits until all jobs are done.
@@ -42,7 +42,7 @@ class FrameWriter {
   bool busy_ = false;
   bool closed_ = false;
   std::exception_ptr error_;
-  std::jthread thread_;  // last member: joined before the others are destroyed
+  std::jthread thread_;  // last member, so that it is joined before other members are destroyed
 };
 
 }  // namespace infrasim

@@ -16,13 +16,14 @@ void append_column(std::vector<T>& to, const std::vector<T>& from) {
   to.insert(to.end(), from.begin(), from.end());
 }
 
-/// The object in a mount's frame; null if the id is missing.
+/// Returns the object with the given id in a mount's frame, or null if there is none.
 const ObjectRecord* find_object(const Frame& frame, int id) {
   const auto entry = std::ranges::lower_bound(frame.objects, id, {}, &ObjectRecord::id);
   return entry != frame.objects.end() && entry->id == id ? &*entry : nullptr;
 }
 
-/// Counts the points in each object's boxes at their positions in the fused frame.
+/// Counts the points inside each object's boxes, with the positions that the points have in the
+/// fused frame.
 void count_in_boxes(Frame& frame) {
   struct Held {
     ObjectRecord* object;
@@ -50,8 +51,8 @@ Fusion::Fusion(const SceneConfig& scene, std::span<const World> worlds, double p
   for (const MountConfig& mount : mounts_) transforms_.push_back(transform_of(mount));
 }
 
-/// A wrong tilt gives a wrong levelled frame. Therefore the true tilt is removed first, and then
-/// the assumed tilt is applied.
+/// Points are levelled with the true tilt of their mount. To show the effect of a wrong tilt, the
+/// transform removes the true tilt and then applies the assumed tilt.
 Fusion::RigidTransform Fusion::transform_of(const MountConfig& mount) const {
   const MountConfig& first = mounts_.front();
   const CalibrationError e = mount.calibration_error.value_or(CalibrationError{});

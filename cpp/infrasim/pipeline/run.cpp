@@ -36,7 +36,7 @@ void check(const RunRequest& request) {
       throw ConfigError("--lidar: expected each LiDAR once, got '" + lidar.name + "' twice");
 }
 
-/// @throws ConfigError if the request can't be fused
+/// @throws ConfigError if fused frames are requested but not possible
 void check_fuse(const RunRequest& request) {
   if (!request.fuse) return;
   if (request.scene.mounts.size() < 2)
@@ -46,7 +46,7 @@ void check_fuse(const RunRequest& request) {
   if (request.out.empty()) throw ConfigError("--fuse: expected --out, got none");
 }
 
-/// The folders of a run: one per mount, and one for the fused frames.
+/// The parts of a run, each with its own folder: one per mount, and one for the fused frames.
 struct Parts {
   std::vector<RunRequest> mounts;
   std::optional<RunRequest> fused;
@@ -87,7 +87,7 @@ void open_folders(const RunRequest& request, const Parts& parts, const std::vect
   if (fusion) open_fused_folder(*parts.fused, worlds.front(), *fusion);
 }
 
-/// Returns, for each LiDAR, whether its frame is missing on disk.
+/// Returns, for each LiDAR, whether frame k is missing on disk.
 std::vector<bool> missing(const RunRequest& part, int k) {
   std::vector<bool> out;
   for (const LidarConfig& lidar : part.lidars)
@@ -107,10 +107,10 @@ FrameTally tally_of(const Frame& frame) {
   return {count(frame), frame.rays, frame.rays_cast, frame.no_plane, frame.seconds};
 }
 
-/// For each part, one tally per LiDAR.
+/// Counts of one frame: for each part of the run, one entry per LiDAR.
 using Tallies = std::vector<std::vector<FrameTally>>;
 
-/// Computes the missing parts of one frame and queues them for writing.
+/// Computes the files of one frame that are missing on disk, and queues them for writing.
 class FrameWork {
  public:
   FrameWork(const Parts& parts, const std::optional<Fusion>& fusion, FrameWriter& writer)
@@ -136,8 +136,8 @@ class FrameWork {
 
  private:
   /// @param absent whether the frame of each LiDAR is missing on disk
-  /// @param fuse   whether each LiDAR is computed even if its frame exists, so that a fused frame
-  ///   is always made from the same numbers
+  /// @param fuse   whether each LiDAR is computed even if its frame exists on disk, because fused
+  ///   frames are made from computed frames and not from files
   static std::vector<FrameTally> at_mount(const RunRequest& part, FrameSimulator& simulator, int k,
                                           const std::vector<bool>& absent,
                                           const std::vector<bool>& fuse,
@@ -211,7 +211,7 @@ void warn_without_plane(const std::vector<SummaryRow>& rows, const Warn& warn) {
            " frames; these frames keep all points");
 }
 
-/// The summaries of a run's parts.
+/// The summaries of a run: one per mount, and one for the fused frames.
 class Summaries {
  public:
   explicit Summaries(const std::vector<RunRequest>& parts) : parts_(parts) {
@@ -250,7 +250,7 @@ std::vector<std::string> mounts_of(const RunRequest& request) {
 
 std::vector<int> frame_numbers(const FrameRange& range) {
   std::vector<int> frames;
-  // 64 bits, because a step may be INT_MAX
+  // The frame number has 64 bits, because the step may be INT_MAX.
   for (std::int64_t k = range.first; k < range.last; k += range.step)
     frames.push_back(static_cast<int>(k));
   return frames;

@@ -31,8 +31,8 @@ std::string digest(const std::vector<T>& values) {
   return text.data();
 }
 
-/// Returns the line with the digest of surfaces from files. Data sets with different surfaces have
-/// different digests.
+/// Returns the line of dataset.yaml with a digest of the static surfaces, or an empty text if the
+/// scene uses no mesh files.
 std::string surfaces_text(const World& world) {
   if (!world.scene.meshes) return "";
   const TriangleMesh mesh = world.background();
@@ -48,8 +48,7 @@ std::string run_text(const RunRequest& request, const World& world) {
 }
 
 /// Returns the field of view and range of a unit as one entry of a YAML list.
-/// @param pose pose of the unit's sensor in the levelled frame, if it differs from the data set's
-/// pose
+/// @param pose text with the pose of the unit's sensor; empty except for fused frames
 std::string view_text(const LidarUnit& unit, const FieldOfView& view,
                       const std::string& pose = "") {
   const auto n = [](double v) { return config::number_text(v); };
@@ -61,7 +60,7 @@ std::string view_text(const LidarUnit& unit, const FieldOfView& view,
          pose + "}\n";
 }
 
-/// Returns the lines about preset and price.
+/// Returns the lines of lidar.yaml with the preset and the price.
 /// @param sensors number of copies of the LiDAR, which multiplies its price
 std::string price_text(const LidarConfig& lidar, std::size_t sensors) {
   const auto n = [&](double v) { return config::number_text(v * static_cast<double>(sensors)); };
@@ -69,8 +68,8 @@ std::string price_text(const LidarConfig& lidar, std::size_t sensors) {
          ", high: " + n(lidar.price_usd.high) + "}\n";
 }
 
-/// Returns the lines about a LiDAR's frames that depend on the scene.
-/// @param mount position and tilt of its levelled frame
+/// Returns the lines of lidar.yaml that depend on the scene, such as label time and transforms.
+/// @param mount position, heading and tilt of the LiDAR
 std::string frames_text(const World& world, const LidarConfig& lidar, const MountConfig& mount) {
   const SceneConfig& scene = world.scene;
   const auto n = [](double v) { return config::number_text(v); };
@@ -87,7 +86,7 @@ std::string frames_text(const World& world, const LidarConfig& lidar, const Moun
   return text + "field_of_view:\n";
 }
 
-/// Pose of a mount's sensor in the fused frame.
+/// Returns the pose of a mount's sensor in the fused frame, as YAML text.
 std::string pose_text(const MountConfig& mount) {
   const auto n = [](double v) { return config::number_text(std::round(v * 1e4) / 1e4 + 0.0); };
   return ", at: {x_m: " + n(mount.x_m) + ", y_m: " + n(mount.y_m) + ", z_m: " + n(mount.z_m) +
@@ -119,8 +118,8 @@ std::string fused_text(const RunRequest& request, const World& first, const Fusi
   return text;
 }
 
-/// Returns the LiDAR with paths of firing tables beside lidar.yaml, so that the data set is
-/// complete.
+/// Returns a copy of the LiDAR whose firing tables lie in the folder of lidar.yaml, so that the
+/// data set is complete.
 LidarConfig with_tables_beside(LidarConfig lidar) {
   for (std::size_t i = 0; i < lidar.units.size(); ++i)
     if (auto& table = lidar.units[i].pattern.table)
@@ -128,7 +127,7 @@ LidarConfig with_tables_beside(LidarConfig lidar) {
   return lidar;
 }
 
-/// Writes tables that are not in the folder yet; lidar.yaml has their digests.
+/// Writes the firing tables that are not in the folder yet. Their digests are in lidar.yaml.
 void write_tables(const LidarConfig& lidar, const std::filesystem::path& folder) {
   for (const LidarUnit& unit : lidar.units) {
     if (!unit.pattern.table) continue;
@@ -143,8 +142,8 @@ void write_tables(const LidarConfig& lidar, const std::filesystem::path& folder)
   }
 }
 
-/// Checks that the LiDARs of a folder have the period of the run. A damaged lidar.yaml is skipped.
-/// A run of its LiDAR reports the damage.
+/// Checks that the LiDARs of a folder have the frame period of the run. A damaged lidar.yaml is
+/// skipped here, and reported by a run of the LiDAR to which it belongs.
 /// @throws IoError
 void check_same_period(const std::filesystem::path& folder, double period_s) {
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
@@ -180,7 +179,7 @@ void claim_folder(const RunRequest& request, const World& world,
     create_frame_folders(folder, request.scene.point_fields);
     claim_file(folder / "lidar.yaml", texts[i], lidar_identity);
   }
-  // This step is the last one, because it changes a file of an existing folder.
+  // The trajectories are merged last, because this step changes a file of an existing folder.
   const std::vector<int> frames = frame_numbers(request.frames);
   merge_trajectories(request.out / "trajectories.csv", world,
                      rows_of_run(request.scene, frames, period_s(request.lidars)));
@@ -198,7 +197,7 @@ std::string lidar_yaml(const World& world, const LidarConfig& lidar) {
 
 void open_run_folder(const RunRequest& request, const World& world) {
   std::vector<LidarConfig> lidars;
-  std::vector<std::string> texts;  // made before the folder is changed, because this may fail
+  std::vector<std::string> texts;  // built before the folder is changed, because building may fail
   for (const LidarConfig& lidar : request.lidars)
     texts.push_back(lidar_yaml(world, lidars.emplace_back(with_tables_beside(lidar))));
   claim_folder(request, world, texts);

@@ -8,8 +8,8 @@
 
 namespace infrasim {
 
-/// Returns the text of lidar.yaml. It has the LiDAR's configuration, and values that are derived
-/// from it and from the scene. Programs that read frames therefore need not read the scene.
+/// Returns the text of lidar.yaml: the LiDAR's configuration, and values that are derived from the
+/// configuration and the scene. Programs that read frames therefore need not read the scene.
 /// @throws ConfigError for rays that can't be traced
 std::string lidar_yaml(const World& world, const LidarConfig& lidar);
 
@@ -20,7 +20,8 @@ std::string lidar_yaml(const World& world, const LidarConfig& lidar);
 /// @throws IoError if a file can't be written, or exists with another content
 void open_run_folder(const RunRequest& request, const World& world);
 
-/// Like open_run_folder, for the fused frames, which are in the levelled frame of the first mount.
+/// Like open_run_folder, but for the fused frames, which are in the levelled frame of the first
+/// mount.
 /// @throws the exceptions of open_run_folder
 void open_fused_folder(const RunRequest& request, const World& first, const Fusion& fusion);
 

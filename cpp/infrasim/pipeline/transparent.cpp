@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kMostTimes = 4;  // maximum number of additional casts of a ray
 constexpr float kNever = std::numeric_limits<float>::infinity();
-constexpr double kLevelNormal = 0.9;  // minimum z of the normal of a body's floor
+constexpr double kLevelNormal = 0.9;  // minimum |z| of the normal of a vehicle's lower face
 
 Echo vehicle_echo(float range, std::int32_t object, const Optics& optics) {
   return {range, object, 0, optics.reflectance, optics.gain};
@@ -86,7 +86,7 @@ void TransparentCaster::cast_on(const RayBatch& rays) {
   for (std::size_t k = 0; k < passing_.size(); ++k) meet(rays, passing_[k], on_hits_.at(k));
 }
 
-/// Continues the rays with known static hits, so that only vehicles are cast.
+/// Casts the continued rays at vehicles only, because the hits on static surfaces are known.
 void TransparentCaster::cast_on_with(const StaticSlice& background) {
   on_hits_.resize(on_.size());
   std::ranges::fill(on_hits_.object, -1);
@@ -151,7 +151,7 @@ void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state,
 void TransparentCaster::meet_below(const RayBatch& rays, const BodyHit& body, Part part,
                                    const Passing& state, const Hit& hit) {
   const float range = hit.range;
-  // A body stands on the ground, so a ray that meets the lower face of the body also meets the
+  // The lower face of a body lies on the ground, so a ray that meets this face also meets the
   // ground.
   if (body.at.z < 0 && std::abs(body.normal.z) > kLevelNormal) {
     const bool on_lane = vehicles_->on_lane[static_cast<std::size_t>(hit.object)];
@@ -180,7 +180,7 @@ BodyHit TransparentCaster::body_hit(const Hit& hit) const {
 }
 
 /// Returns the echo of a background surface.
-/// @param cosine cosine of incidence; a recorded surface has its stored gain instead
+/// @param cosine cosine of incidence; for a recorded surface, the stored gain is used instead
 Echo TransparentCaster::background_echo(float range, Class material, std::uint32_t ray,
                                         float cosine) const {
   const float gain =
@@ -188,7 +188,7 @@ Echo TransparentCaster::background_echo(float range, Class material, std::uint32
   return {range, -1, static_cast<std::uint16_t>(material), background_reflectance(material), gain};
 }
 
-/// Stores an echo as that of its ray, unless the stored echo is stronger.
+/// Stores an echo as the strongest echo of its ray, unless the stored echo is stronger.
 void TransparentCaster::keep_strongest(const RayBatch& rays, const Passing& state, Echo echo) {
   const std::uint32_t i = state.ray;
   const std::uint16_t ring = rays.ring[i];

@@ -14,21 +14,22 @@
 
 namespace infrasim {
 
-/// Converts hits to echoes. It finds the part of a vehicle that each ray meets. A ray that passes
-/// through a pane continues with the remaining power, and a ray can also continue below a body.
-/// These rays are cast again. The object keeps its buffers between calls. Not thread-safe.
+/// Converts hits to echoes, depending on the part of a vehicle that each ray meets. A ray that
+/// passes through a window pane continues with the remaining power, and a ray can also continue
+/// below a vehicle. Such rays are cast again. The object keeps its buffers between calls. Not
+/// thread-safe.
 class TransparentCaster {
  public:
   explicit TransparentCaster(Raycaster& raycaster) : raycaster_(raycaster) {}
 
   /// Finds the strongest echo of each ray beyond the blind zone.
   /// @param rays        directions, times and rings
-  /// @param vehicles    the vehicles that the raycaster has
-  /// @param hits        nearest hits, with incidence; they become the echoes
+  /// @param vehicles    the vehicles that are set in the raycaster
+  /// @param hits        nearest hits, with incidence; their columns are moved to `echoes`
   /// @param path        attenuation between LiDAR and echo
-  /// @param background  hits of the rays with static surfaces; if empty, the surfaces are cast
-  /// @param weaker      if not null, gets the other echoes of the rays, by increasing ray
-  /// @return number of additional casts, counted once per ray and cast
+  /// @param background  known hits of the rays on static surfaces; if empty, the surfaces are cast
+  /// @param weaker      if not null, receives the weaker echoes, by increasing index of the ray
+  /// @return number of rays that were cast again, counted once for each additional cast
   std::size_t resolve(const RayBatch& rays, const FrameVehicles& vehicles,
                       const VehicleParts& parts, const EchoPath& path, HitBatch& hits,
                       EchoBatch& echoes, const StaticSlice& background = {},
@@ -38,11 +39,11 @@ class TransparentCaster {
   /// A ray that is cast again.
   struct Passing {
     std::uint32_t ray = 0;
-    std::int32_t object = -1;  ///< the vehicle that the ray is in or under; -1: none
-    bool under = false;        ///< whether the ray is under the vehicle; false: inside
+    std::int32_t object = -1;  ///< vehicle that the ray is inside or under; -1 if none
+    bool under = false;        ///< whether the ray is under the vehicle, not inside it
     float power = 1;           ///< share of power that remains behind the panes
     float near = 0;            ///< range at which the ray continues; 0 at the sensor
-    float floor_range = std::numeric_limits<float>::infinity();  ///< range to the floor of a cabin
+    float floor_range = std::numeric_limits<float>::infinity();  ///< range to the cabin floor
   };
 
   void cast_on(const RayBatch& rays);
@@ -62,8 +63,8 @@ class TransparentCaster {
   StaticSlice background_;
   EchoBatch* echoes_ = nullptr;
   std::vector<WeakerEcho>* weaker_ = nullptr;
-  std::vector<Passing> passing_;  ///< rays to cast again
-  std::vector<Passing> next_;     ///< rays of the following cast
+  std::vector<Passing> passing_;  ///< rays of the current additional cast
+  std::vector<Passing> next_;     ///< rays of the next additional cast
   RayBatch on_;
   std::vector<std::uint32_t> on_order_;
   HitBatch on_hits_;
