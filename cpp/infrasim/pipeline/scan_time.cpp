@@ -17,7 +17,7 @@ double scan_time_s(std::span<double> times_s, double cut_s) {
   const auto [first, last] = std::ranges::minmax(times_s);
   if (last - first <= cut_s) return mean(times_s);
   std::ranges::sort(times_s);
-  std::size_t second = 0;  // start of the second group
+  std::size_t second = 0;  // index of the first time in the second group
   double pause = 0;
   for (std::size_t i = 1; i < times_s.size(); ++i)
     if (times_s[i] - times_s[i - 1] > pause) {

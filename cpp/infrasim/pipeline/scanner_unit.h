@@ -21,16 +21,16 @@ namespace infrasim {
 struct ScannerUnit {
   ScanPattern pattern;
   ReturnModel returns;
-  std::optional<Beam> beam;  ///< present if rays have a divergence or give several points
+  std::optional<Beam> beam;  ///< present if rays have a divergence or several echoes
   float max_range;
   double period_s;  ///< frame period
-  Rng stream;       ///< random numbers of the unit
-  /// tile orders by number of groups
+  Rng stream;       ///< random number generator of the unit
+  /// order of the rays in tiles of neighbouring rays, by number of ray groups
   std::map<std::int64_t, std::vector<std::uint32_t>> tile_orders;
-  std::shared_ptr<const StaticLayer> layer;  ///< if null, all rays are cast
+  std::shared_ptr<const StaticLayer> layer;  ///< static layer; if null, all rays are cast
 
-  /// Returns whether the unit can have a static layer. It can if the pattern repeats, the static
-  /// scene is seen by single rays, and the layer fits into the memory limit.
+  /// Returns whether the unit can have a static layer. The pattern must repeat, static surfaces
+  /// must be cast with single rays, and the layer must fit into the memory limit.
   bool can_have_layer() const {
     return pattern.repeats_after() > 0 && !(beam && beam->everywhere()) &&
            layer_bytes(pattern) <= kMostLayerBytes;
@@ -38,14 +38,14 @@ struct ScannerUnit {
   /// Tangent of the angle between a ray and its outermost sub-rays.
   float half_width() const { return beam ? beam->half_width() : 0; }
 
-  /// Returns the rays that are fired between two shares of frame k.
+  /// Returns the rays that are fired between two instants of frame k, given as shares of the frame.
   RayRange rays(int k, double from = 0, double to = 1) const;
 };
 
 /// Rotation from a unit's frame to the levelled frame.
 Mat3 unit_pose(const SceneConfig& scene, const LidarUnit& unit);
 
-/// All units of a LiDAR.
+/// Makes all units of a LiDAR.
 /// @param stream_prefix prefix of the names of the units' random streams
 std::vector<ScannerUnit> make_scanner_units(const SceneConfig& scene, const LidarConfig& lidar,
                                             const std::string& stream_prefix = "");

@@ -6,7 +6,8 @@ namespace infrasim {
 
 namespace {
 
-/// Returns the height of the first road, or of the nearest lane, at the sensor's foot.
+/// Returns the height of the road below the sensor: of the first road or, without roads, of the
+/// nearest lane.
 double road_z(const Site& site, const MountConfig& mount) {
   const Vec2 foot{mount.x_m, mount.y_m};
   const std::vector<RoadConfig>& roads = site.scene.roads;

@@ -20,7 +20,7 @@ constexpr std::int64_t kTileRays = kPacketRays;
 constexpr std::int64_t kLeastColumns =
     4;  // minimum number of columns in a block, so that a tile is as wide as it is high
 
-/// Maximum memory for the ways through leaves: bytes per ray on average, and bytes of all rays.
+/// Maximum memory for the paths of rays through leaves: mean bytes per ray, and bytes of all rays.
 constexpr std::size_t kLeafBytes = 12, kMostLeafBytes = std::size_t{16} << 20;
 
 constexpr std::size_t kWordBits = 64;
@@ -49,7 +49,7 @@ std::size_t words_of(std::size_t rays) { return (rays + kWordBits - 1) / kWordBi
 
 std::size_t layer_bytes(const ScanPattern& pattern) {
   constexpr std::size_t kRayBytes = 2 * sizeof(float) + sizeof(std::uint16_t);
-  constexpr std::size_t kTileBytes = 2;  // bytes per ray for the view of a tile of 8 or more rays
+  constexpr std::size_t kTileBytes = 2;  // bytes per ray for the bounds of a tile of 8 or more rays
   const auto rays = static_cast<std::size_t>(pattern.repeats_after() * pattern.group_size());
   return rays * (kRayBytes + kTileBytes) + words_of(rays) * sizeof(std::uint64_t) +
          leaf_bytes(rays);
@@ -156,8 +156,8 @@ void StaticLayer::mark_surfaces(const RayBatch& block, std::size_t first,
     if (can[i]) mark(first + i);
 }
 
-/// Adds the ways of a block's rays through leaves, and the rays that can give a point of leaves to
-/// `candidates`.
+/// Stores the paths of a block's rays through leaves. Adds the rays that can give a point of leaves
+/// to `candidates`.
 void StaticLayer::add_leaf_ways(const RayBatch& block, std::size_t first,
                                 const ReturnModel& returns, const Volumes& leaves,
                                 std::vector<std::uint32_t>& candidates) {

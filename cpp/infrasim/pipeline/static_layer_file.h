@@ -44,13 +44,13 @@ struct StaticLayerFile {
 std::string static_layer_to_bytes(const LayerOrigin& origin, std::span<const StaticHits> units);
 
 /// @param name path of the file, for messages
-/// @throws ConfigError if the bytes are not a complete and plausible layer
+/// @throws ConfigError if the bytes are not a complete and plausible static layer
 StaticLayerFile static_layer_from_bytes(std::string_view bytes, const std::string& name);
 
 /// @throws ConfigError, IoError
 StaticLayerFile read_static_layer(const std::filesystem::path& file);
 
-/// @throws ConfigError if the file was made at another mount
+/// @throws ConfigError if the file was made at another pose than that of the mount
 void check_is_at(const StaticLayerFile& file, const MountConfig& mount);
 
 /// @param here  origin of the scene that uses the file

@@ -20,18 +20,18 @@ namespace {
 
 constexpr std::size_t kFewestFrames = 20, kMostFrames = 100;
 constexpr double kMostMiss_deg = 0.1;
-// m, maximum extent of a group of returns; 6 standard deviations of the range noise if that is more
+// metres, maximum range difference in a group of returns; 6 standard deviations of the range noise
+// if that is more
 constexpr double kAgree_m = 0.3;
 constexpr double kColumnReach =
-    // in columns: maximum distance of a return from its ray, so that it is not assigned to the next
-    // column
+    // maximum azimuth difference between a ray and its return, in columns
     0.75;
-// minimum length of the mean phase vector for a constant offset; a length of 0.7 corresponds to a
-// spread of an eighth of a column
+// minimum length of the mean phase vector (0 to 1) for a constant azimuth offset; 0.7 corresponds
+// to a spread of an eighth of a column
 constexpr double kConstantEnough = 0.7;
 
 struct RecordedReturn {
-  float azimuth;  ///< in the unit's frame
+  float azimuth;  ///< azimuth in the unit's frame, radians
   float range;
   float intensity;
 };
@@ -39,22 +39,24 @@ struct RecordedReturn {
 /// One laser and its returns.
 struct RecordedLaser {
   double elevation = 0;
-  double reach = 0;  ///< maximum azimuth difference between a ray and its return
-  std::vector<std::pair<double, std::size_t>> rays;  ///< azimuth, index in the period; ascending
-  std::vector<std::vector<RecordedReturn>> frames;   ///< ascending in azimuth
+  double reach = 0;  ///< maximum azimuth difference between a ray and its return, radians
+  std::vector<std::pair<double, std::size_t>> rays;  ///< azimuth and index of each ray, ascending
+  std::vector<std::vector<RecordedReturn>> frames;   ///< returns by frame, ascending in azimuth
   double sum_of_misses = 0;
   std::size_t points = 0;
 };
 
 struct Unit {
   Mat3 from_levelled;
-  double agree_m = 0;  ///< maximum extent of a group of returns
+  double agree_m = 0;  ///< maximum range difference in a group of returns, metres
   std::vector<RecordedLaser> rings;
-  /// sums of the cosine and sine of all points' phases, which are positions between two columns
+  /// sums of the cosine and sine of the phases of all points; a phase is the position of a point
+  /// between two columns
   double grid_cos = 0, grid_sin = 0;
   std::size_t points = 0;
 
-  /// Returns the number of columns in a period. Some channels do not fire in every column.
+  /// Returns the number of columns in a period. This is the maximum over the lasers, because some
+  /// lasers do not fire in every column.
   double columns() const {
     std::size_t most = 0;
     for (const RecordedLaser& ring : rings) most = std::max(most, ring.rays.size());
@@ -185,7 +187,8 @@ double check_elevations(const std::filesystem::path& folder, const LidarConfig& 
                     "mount");
 }
 
-/// Returns the return that is nearest to an azimuth; null if none is within `reach`.
+/// Finds the return that is nearest to an azimuth. The result is null if no return is within
+/// `reach`.
 const RecordedReturn* nearest(const std::vector<RecordedReturn>& echoes, double at, double reach) {
   if (echoes.empty()) return nullptr;
   const auto after =
@@ -197,8 +200,8 @@ const RecordedReturn* nearest(const std::vector<RecordedReturn>& echoes, double 
   return away(best) <= reach ? &best : nullptr;
 }
 
-/// Returns the mean of the largest group of returns within `extent_m`. Of equally large groups, it
-/// uses the nearest one. Returns no value if the group has fewer returns than half of the frames.
+/// Returns the mean of the largest group of returns within `extent_m`. Of equally large groups, the
+/// nearest one is used. Returns no value if the group has fewer returns than half of the frames.
 std::optional<RecordedReturn> agreed(std::vector<RecordedReturn>& seen, double extent_m,
                                      std::size_t frames) {
   std::ranges::sort(seen, {}, &RecordedReturn::range);

@@ -9,22 +9,21 @@
 
 namespace infrasim {
 
-/// A static layer made from a recording of the real site, and measures of their agreement.
+/// A static layer made from a recording of the real site, and measures of the recording's quality.
 struct RecordedLayer {
   std::vector<StaticHits> units;
   int frames = 0;                 ///< number of frames used
   double elevation_miss_deg = 0;  ///< mean elevation error of the points of the worst ring
-  /// offset of the recorded columns, by unit; 0 if it is not constant
+  /// azimuth offset of the recorded columns, by unit; 0 if the offset is not constant
   std::vector<double> azimuth_offsets_deg;
-  std::size_t too_far = 0;  ///< rays whose returns lie beyond the LiDAR's range
+  std::size_t too_far = 0;  ///< number of rays whose returns lie beyond the LiDAR's range
 };
 
 /// Makes a static layer from recorded frames of the empty site, which are stored in this project's
-/// layout with `fields`. The range of a ray is the mean of the largest group of returns within 0.3
-/// m of each other, or within 6 range_accuracy_m if that is more. The group must occur in at least
-/// half of the frames. The returns of a ray are those of the nearest ring and column. At most 100
-/// evenly spaced frames are used. A point is assigned to a ray by its direction, so frames may
-/// begin at any azimuth.
+/// layout with `fields`. Each ray uses the returns of its ring that are nearest in azimuth, so
+/// frames may begin at any azimuth. The range of a ray is the mean of its largest group of returns
+/// within 0.3 m of each other, or within 6 times the range accuracy if that is more. The group must
+/// have a return in at least half of the frames. At most 100 evenly spaced frames are used.
 /// @param scene  scene whose mount has the pitch and roll of the recording sensor
 /// @param folder folder of the recorded LiDAR, DATA/LIDAR
 /// @throws ConfigError for a LiDAR that does not spin or repeat, fewer than 20 frames, frames

@@ -14,13 +14,13 @@ namespace infrasim {
 /// Returns the names of a LiDAR and its preset, for messages.
 std::string words_of(const LidarConfig& lidar);
 
-/// Returns the identity of each unit's static layer, without hits.
+/// Returns a static layer without hits for each unit, which identifies the unit's scan pattern.
 /// @param scanners the LiDAR's units
 /// @throws ConfigError, with the reason, for a LiDAR that can't have a static layer
 std::vector<StaticHits> units_without_hits(const LidarConfig& lidar,
                                            std::span<const ScannerUnit> scanners);
 
-/// Casts the static scene as seen by each unit of a LiDAR.
+/// Casts one period of each unit's rays at the static surfaces of the scene.
 /// @throws ConfigError, with the reason, for a LiDAR that can't have a static layer
 std::vector<StaticHits> cast_static_layer(const World& world, const LidarConfig& lidar);
 

@@ -34,7 +34,7 @@ std::string line_of(const SummaryRow& r) {
   return text;
 }
 
-/// Returns the last three cells of a line: rays cast and computing times.
+/// Returns the last three cells of a line: rays cast, computing time and rays per second.
 std::string_view times_of(std::string_view line) {
   std::size_t at = line.size();
   for (int cells = 0; cells < 3 && at != std::string_view::npos; ++cells)
