@@ -31,7 +31,8 @@ Observer::Observer(const SceneConfig& scene, const std::string& mount, std::span
                         std::to_string(k));
   const std::vector<bool> rows = rows_of_frames(frames, period_s, row_steps(scene.duration_s));
   const auto last = std::find(rows.rbegin(), rows.rend(), true);
-  // Rows that are not requested are dropped, so that `check` finds frames that can't be observed.
+  // Trajectory rows that the given frames do not need are dropped. `check` therefore finds frames
+  // that can't be observed.
   TrajectoryKeeper keeper(rows, source.pitched(), 0);
   StateSteps steps(source);
   for (std::ptrdiff_t k = 0; k < rows.rend() - last; ++k) keeper.take(steps.next_moving());

@@ -30,10 +30,10 @@ class Observer {
 
   double frame_period_s() const { return period_s_; }
 
-  /// Returns why a sensor can't be at a pose; empty if it can.
+  /// Returns the reason why a sensor can't be at a pose. The text is empty if the pose is possible.
   std::string fault(const MountConfig& pose) const;
 
-  /// Returns what each LiDAR sees in each frame: an entry per frame, and in it an entry per LiDAR.
+  /// Returns the objects that each LiDAR sees: one list per frame, with one list per LiDAR in it.
   /// @throws ConfigError for a pose with a fault, a frame that can't be observed, or a LiDAR of
   ///   another period
   std::vector<std::vector<std::vector<Observation>>> observe(const MountConfig& pose,

@@ -28,7 +28,7 @@ struct Schedule {
   std::vector<int> frames;
   int threads = 1;
   std::size_t ahead = 1;  ///< maximum number of started frames that are not yet fetched
-  const std::atomic<int>* stop = nullptr;  ///< if its value is not 0, no further frame is started
+  const std::atomic<int>* stop = nullptr;  ///< once the value is not 0, no frame is started
   bool cast_all =
       false;  ///< whether static surfaces are cast in every frame, without static layers
 };
@@ -99,13 +99,13 @@ class Scheduler {
 
  private:
   void start(std::size_t threads) {
-    const std::lock_guard lock(mutex_);  // no thread may end before all are counted
+    const std::lock_guard lock(mutex_);  // no thread may end before all threads are counted
     threads_.reserve(threads);
     while (threads_.size() < threads && start_one()) continue;
     working_ = threads_.size();
   }
 
-  /// Returns false if the system has no more threads.
+  /// Starts a thread. Returns false if the system can start no more threads.
   bool start_one() {
     try {
       threads_.emplace_back([this] { compute_all(); });
@@ -162,7 +162,7 @@ class Scheduler {
     return started_++;
   }
 
-  /// Stores the error of the earliest frame, regardless of the order of errors.
+  /// Stores the current error, unless an error of an earlier frame is already stored.
   void fail(std::size_t index) {
     const std::lock_guard lock(mutex_);
     if (!error_ || index < failed_) {
@@ -177,20 +177,20 @@ class Scheduler {
   const std::vector<LidarConfig> lidars_;
   const Schedule schedule_;
   const WorkAtAll work_;
-  std::vector<StaticLayers> layers_;   ///< one per world
-  std::vector<LidarFilters> filters_;  ///< one per world
+  std::vector<StaticLayers> layers_;   ///< static layers of each world
+  std::vector<LidarFilters> filters_;  ///< filters of each world
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::size_t started_ = 0;  ///< like the next two members, an index into the schedule's frames
+  std::size_t started_ = 0;  ///< index of the next frame to start, in the schedule
   std::size_t taken_ = 0;
   std::size_t failed_ = 0;
-  std::size_t working_ = 0;  ///< threads that have not ended
+  std::size_t working_ = 0;  ///< number of threads that have not ended
   bool closed_ = false;
   std::exception_ptr error_;
   std::map<std::size_t, Result> ready_;
   std::vector<FrameSimulator> caller_simulators_;  ///< used by the caller if no thread could start
-  std::vector<std::jthread> threads_;  // last member: joined before the others are destroyed
+  std::vector<std::jthread> threads_;              // last member: joined before other members end
 };
 
 }  // namespace infrasim

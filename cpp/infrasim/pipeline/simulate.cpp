@@ -40,7 +40,8 @@ UnitLayers layers_of(const StaticLayers& layers, std::size_t lidar) {
 }
 
 /// @param layers static layers of the units; if empty, all rays are cast
-/// @param stream_prefix  prefix of the random streams; the motors' phases do not depend on it
+/// @param stream_prefix  prefix of the names of random streams, except that of the start angles of
+///   motors
 Lidar make_lidar(const SceneConfig& scene, const LidarConfig& config, const UnitLayers& layers,
                  const std::string& stream_prefix = "") {
   Lidar lidar;
@@ -67,9 +68,9 @@ struct FrameSimulator::Impl {
   double frame_s;  ///< frame period of the LiDARs
   std::vector<WorldSlice> slices;
   std::vector<Lidar> lidars;
-  LidarFilters filters;  ///< one per LiDAR
+  LidarFilters filters;  ///< filters of each LiDAR
   double reach = 0;
-  bool pitched;  ///< whether an object of the run may have a pitch
+  bool pitched;  ///< whether an object of the run may have a pitch angle
   Raycaster raycaster;
   Caster caster;
   FrameVehicles vehicles;
@@ -89,7 +90,7 @@ struct FrameSimulator::Impl {
     }
   }
 
-  /// Returns the points of one frame without any object.
+  /// Returns the points of one frame without moving objects.
   std::vector<float> empty_frame(int k, Lidar& lidar) {
     vehicles = {};
     raycaster.set_bodies({}, frame_s);
@@ -165,8 +166,8 @@ struct FrameSimulator::Impl {
 
 namespace {
 
-/// Returns whether a period of the pattern is at most as long as the simulated time. If it is
-/// longer, a static layer costs more time than it saves.
+/// Returns whether a period of the pattern is at most as long as the simulated time. If the period
+/// is longer, a static layer costs more time than it saves.
 bool pays(const ScanPattern& pattern, double seconds) {
   const double groups = seconds * pattern.groups_per_s();
   return static_cast<double>(pattern.repeats_after()) <= std::round(groups);

@@ -18,8 +18,8 @@
 namespace infrasim {
 
 /// The static layer of each unit of each LiDAR. An entry is null if the pattern never repeats, if
-/// beams have sub-rays everywhere, or if casting the layer takes longer than it saves. The
-/// simulators of all threads share the layers. If the outer vector is empty, all rays are cast.
+/// beams have sub-rays everywhere, or if the layer is too large or costs more time than it saves.
+/// The simulators of all threads share the layers. If the outer vector is empty, all rays are cast.
 using StaticLayers = std::vector<std::vector<std::shared_ptr<const StaticLayer>>>;
 /// Makes static layers. A layer is read if the scene names a file for it. Other layers are cast, up
 /// to `most_bytes` in total. A layer is cast only if the frames have at least as many rays as a
@@ -30,15 +30,15 @@ StaticLayers make_static_layers(const World& world, std::span<const LidarConfig>
                                 std::size_t frames = std::numeric_limits<std::size_t>::max(),
                                 std::size_t most_bytes = kMostLayerBytes);
 
-/// The scene's filters for each LiDAR. The simulators of all threads share them.
+/// The scene's filters for each LiDAR. The simulators of all threads share the filters.
 using LidarFilters = std::vector<std::shared_ptr<const std::vector<FilterStep>>>;
 
-/// One object of the evaluation region, as one LiDAR sees it in one frame.
+/// One object in the evaluation region, as seen by one LiDAR in one frame.
 struct Observation {
   int id = 0;
   PointSpread points;
-  double distance = 0;    ///< horizontal, sensor to box centre at mid-frame, metres
-  double visibility = 0;  ///< visible share, [0, 1]
+  double distance = 0;    ///< horizontal distance from sensor to box centre at mid-frame, metres
+  double visibility = 0;  ///< visible share of the object, 0 to 1
 };
 
 /// Computes frames of several LiDARs at one mount. The LiDARs must have the same frame period. The
@@ -57,7 +57,8 @@ class FrameSimulator {
   ~FrameSimulator();
   FrameSimulator(FrameSimulator&&) noexcept;
 
-  /// The scene's filters, with a background learnt from frames without vehicles.
+  /// Returns the scene's filters for each LiDAR. Background filters learn from frames without
+  /// vehicles.
   static LidarFilters learn_filters(const World& world, std::span<const LidarConfig> lidars,
                                     const StaticLayers& layers);
 
@@ -74,7 +75,8 @@ class FrameSimulator {
 
   const LidarFilters& filters() const;
 
-  /// Measures the stages of all following frames. `times` must exist while they are computed.
+  /// Adds the CPU time of each stage of all following frames to `times`, which must exist while the
+  /// frames are computed.
   void measure(StageTimes& times);
 
  private:

@@ -7,7 +7,7 @@
 
 namespace infrasim {
 
-/// The stages of the rays of a frame, in their order.
+/// Processing stages of the rays of a frame, in the order of execution.
 enum class Stage { kMaking, kCasting, kLeaves, kPanes, kBeam, kReturns, kCollecting };
 
 inline constexpr std::array<std::string_view, 7> kStageNames{
@@ -16,14 +16,14 @@ inline constexpr std::array<std::string_view, 7> kStageNames{
 /// CPU time of each stage. CPU time depends less on other processes than wall time.
 class StageTimes {
  public:
-  /// Runs a stage. Without a StageTimes, nothing is measured.
+  /// Runs a stage and adds its CPU time to `times`. If `times` is null, nothing is measured.
   template <class Work>
   static auto measure(StageTimes* times, Stage stage, const Work& work) {
     const Timer timer(times, stage);
     return work();
   }
 
-  /// Total seconds of each stage.
+  /// Total CPU time of each stage, in seconds.
   const std::array<double, kStageNames.size()>& seconds() const { return seconds_; }
 
  private:

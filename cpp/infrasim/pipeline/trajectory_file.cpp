@@ -18,13 +18,13 @@ namespace infrasim {
 
 namespace {
 
-/// The rows of a file, one after the other, with the states that the file has.
+/// Reads the rows of a trajectories.csv one after the other, each with its object states.
 class StoredRows {
  public:
   explicit StoredRows(const std::filesystem::path& file) : lines_(file), line_(lines_.next()) {}
 
   bool pitched() const { return lines_.pitched(); }
-  /// Number of the next row; no value after the last.
+  /// Number of the next row; no value after the last row.
   std::optional<int> step() const { return line_ ? std::optional(line_->step) : std::nullopt; }
   /// Returns the states of the next row and goes on to the row after it.
   std::vector<ObjectState> take() {
@@ -39,7 +39,7 @@ class StoredRows {
   std::optional<TrajectoryLine> line_;
 };
 
-/// The rows of a world and of an existing file.
+/// The union of the trajectory rows of a world and of an existing file.
 class UnionOfRows {
  public:
   /// @param existing file with further rows; empty if there is none
@@ -56,7 +56,7 @@ class UnionOfRows {
       }
       if (!has(k)) continue;
       if (stored && stored->step() == k) check(k, stored->take());
-      // A standing object need not be passed between two rows in which it is passed.
+      // Standing objects are needed only in the first and the last of consecutive rows.
       const std::vector<ObjectState> moving = moving_at(k);
       sink(k, has(k - 1) && has(k + 1) ? moving
                                        : with_standing(moving, world_.trajectories->standing));
@@ -100,7 +100,7 @@ class UnionOfRows {
   const std::filesystem::path existing_;
 };
 
-/// Returns whether the file has the text that `give` passes on.
+/// Returns whether the file has exactly the text that `give` passes on in pieces.
 bool has_text(const std::filesystem::path& file,
               const std::function<void(const std::function<void(std::string_view)>&)>& give) {
   std::ifstream there = open_file(file);
@@ -115,7 +115,7 @@ bool has_text(const std::filesystem::path& file,
   return same && there.peek() == std::ifstream::traits_type::eof();
 }
 
-constexpr std::size_t kPiece = 1 << 20;  // number of bytes per write
+constexpr std::size_t kPiece = 1 << 20;  // approximate number of bytes per write
 
 }  // namespace
 
@@ -160,7 +160,7 @@ void merge_trajectories(const std::filesystem::path& file, const World& world,
                         const std::vector<bool>& rows) {
   try {
     merge_rows(file, world, rows);
-  } catch (const ConfigError& error) {  // the file is no input of the user, but part of the folder
+  } catch (const ConfigError& error) {  // the file is an output, not a configuration of the user
     throw IoError(error.what());
   }
 }

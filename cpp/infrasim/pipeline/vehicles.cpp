@@ -12,7 +12,7 @@ namespace infrasim {
 
 namespace {
 
-/// Returns false if the object stays farther than `reach` metres (horizontal) from the sensor
+/// Returns false if the horizontal distance of the object from the sensor exceeds `reach` metres
 /// during the whole frame. May return true for an object slightly beyond `reach`.
 bool reachable(const MovingObject& o, const Box3d& middle, double reach) {
   const double travel = math::hypot(o.to.x - o.from.x, o.to.y - o.from.y);
@@ -20,7 +20,7 @@ bool reachable(const MovingObject& o, const Box3d& middle, double reach) {
   return math::hypot(middle.x, middle.y) <= reach + half_diagonal + travel / 2 + 0.1;
 }
 
-// m, more than the distance of any part of an object from its middle during a frame
+// metres, upper limit of the distance of any part of an object from the middle of its path
 constexpr double kLargestObject_m = 100;
 
 /// Returns true if the middle of the object's path is so far away that the object is not reachable.

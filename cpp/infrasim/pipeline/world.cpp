@@ -57,9 +57,10 @@ void each_checked(const StateSource& source, const SceneConfig& scene, int insta
   }
 }
 
-/// Returns whether a box is farther from the origin than any ray or object that a ray hits.
+/// Returns whether a box is so far from the sensor that no ray, and no object hit by a ray, extends
+/// to it.
 bool is_beyond_all_rays(const Box3d& box) {
-  constexpr double kObjects_m = 200;  // more than an object at the end of a ray covers
+  constexpr double kObjects_m = 200;  // metres, upper limit of the extent of an object
   return math::hypot(box.x, box.y) - math::hypot(box.dx, box.dy) > kLongestRange_m + kObjects_m;
 }
 

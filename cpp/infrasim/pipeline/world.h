@@ -20,29 +20,29 @@
 
 namespace infrasim {
 
-/// The surfaces of a scene and their hierarchies, which all mounts share.
+/// The surfaces of a scene and their bounding-volume hierarchies, which all mounts share.
 struct SceneMeshes {
   Surface surface;  ///< static surfaces, world frame
-  LevelPose level;  ///< pose of the library's frame: the levelled frame of the scene's first mount
-  std::vector<TriangleMesh> bodies;  ///< in the unit box, in the order of kObjectClasses
+  LevelPose level;  ///< pose of the library's frame, the levelled frame of the scene's first mount
+  std::vector<TriangleMesh> bodies;  ///< meshes in the unit box, in the order of kObjectClasses
   MeshLibrary library;
 };
-/// @throws IoError, ConfigError for a file of `meshes`
+/// @throws IoError, ConfigError if a mesh file of the scene is missing or wrong
 std::shared_ptr<const SceneMeshes> build_meshes(const Site& site);
 
 /// A scene at one mount with its trajectories and meshes. It is built once, and all threads share
 /// it.
 struct World {
-  SceneConfig scene;                 ///< the result of scene_at_mount
+  SceneConfig scene;                 ///< scene with only this mount, from scene_at_mount
   std::shared_ptr<const Site> site;  ///< site of the scene with all its mounts
   LevelPose level;
   EvaluationRegion region;
-  std::shared_ptr<const Trajectories> trajectories;  ///< in true time; all mounts share them
+  std::shared_ptr<const Trajectories> trajectories;  ///< trajectories in true time, for all mounts
   std::shared_ptr<const SceneMeshes> meshes;
   CastOrigin cast_origin;  ///< pose of the mount in the frame of the meshes
   Volumes leaves;
   std::map<std::string, StaticLayerFile> static_layers;  ///< static layers from files, by LiDAR
-  /// if set, `trajectories` has no rows
+  /// trajectories that are simulated on demand; if set, `trajectories` has no rows
   std::shared_ptr<LazyTrajectories> lazy_trajectories = nullptr;
   double late_s = 0;  ///< clock offset of the mount: true time minus the time of its clock
   /// warnings about the trajectories and meshes that were read, one line each
@@ -50,23 +50,24 @@ struct World {
   std::vector<std::string> warnings = {};
 
   Raycaster raycaster() const { return Raycaster(meshes->library, cast_origin); }
-  /// Static surfaces; levelled frame.
+  /// Static surfaces in the levelled frame.
   TriangleMesh background() const { return to_level(meshes->surface, level); }
-  /// Number of frames of a period.
+  /// Number of frames of length `period_s` in the scene.
   int frames(double period_s) const { return frame_count(scene.duration_s, period_s); }
-  /// Returns a time of the mount's clock as a position in the rows of the trajectories.
+  /// Converts a time of the mount's clock to a fractional row number of the trajectories.
   double position(double time_s) const { return row_position(time_s + late_s); }
-  /// Objects that exist for the whole of frame k, which covers [k, k + 1) periods. They move
-  /// linearly from their states at its beginning to those at its end.
+  /// Returns the objects that exist during the whole of frame k, which lasts from k to k + 1
+  /// periods. Each object moves linearly from its state at the start of the frame to that at the
+  /// end.
   std::vector<MovingObject> objects_in_frame(int k, double period_s) const;
 };
 
 /// Returns which trajectory rows the frames need. The rows are 0.1 s apart in the time of a mount's
-/// clock. The rows of a frame reach from the last row at or before its begin to the first row at or
+/// clock. A frame needs the rows from the last one at or before its start to the first one at or
 /// after its end.
 std::vector<bool> rows_of_frames(std::span<const int> frames, double period_s, int steps);
-/// Marks the trajectory rows in true time from which the marked `rows` in the time of a mount's
-/// clock are computed.
+/// Marks in `true_rows` the trajectory rows in true time from which the marked `rows`, in the time
+/// of a mount's clock, are computed.
 /// @param late_s clock offset of the mount: true time minus the time of its clock
 void mark_true_rows(const std::vector<bool>& rows, double late_s, std::vector<bool>& true_rows);
 
@@ -81,7 +82,7 @@ World build_world(const SceneConfig& scene, const std::string& mount = "");
 World build_lazy_world(const SceneConfig& scene, const std::string& mount = "");
 
 /// Builds the world of a checked site at one mount.
-/// @param view         the result of scene_at_mount
+/// @param view         scene with only this mount, from scene_at_mount
 /// @param site         site of the scene
 /// @param meshes       meshes of the site
 /// @param trajectories trajectories of the scene
@@ -98,14 +99,14 @@ World build_static_world(const SceneConfig& scene, const std::string& mount = ""
 /// Builds one world per mount. All worlds have the same objects.
 /// @throws the exceptions of build_world
 std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts);
-/// Like the function above, but only for some frames of a period. The scene is simulated up to the
-/// last of them. Rows of trajectories that these frames do not require may be omitted.
+/// Like the function above, but only for the given frames. Traffic is simulated up to the last of
+/// these frames. Rows of trajectories that the frames do not require may be omitted.
 std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std::string>& mounts,
                                 std::span<const int> frames, double period_s);
 
-/// Builds the worlds of a scene without frames, to find its errors.
+/// Builds the worlds of a scene to find errors in the scene. No frame is simulated.
 /// @param drive whether the traffic is simulated and checked too
-/// @return warnings as in World
+/// @return warnings about trajectories and meshes, one line each
 /// @throws the exceptions of build_world
 std::vector<std::string> check_worlds(const SceneConfig& scene, bool drive);
 
@@ -126,7 +127,8 @@ std::size_t body_index(Class object_class);
 /// @throws ConfigError if the scene has no frame k
 void check_frame(const World& world, int k, double period_s);
 
-/// Returns all triangles at one instant, which is given as a share of frame k. Levelled frame.
+/// Returns all triangles of the scene in the levelled frame, at an instant given as a share of
+/// frame k.
 /// @throws ConfigError if the scene has no frame k
 TriangleMesh frozen_mesh(const World& world, int k, double period_s, double share);
 
