@@ -4,7 +4,8 @@
 
 namespace infrasim {
 
-// Each function binds one area. The stub pyinfra/_core.pyi describes the result in Python.
+// Each function adds the Python bindings of one part of the library. The stub pyinfra/_core.pyi
+// describes the result in Python.
 void bind_filters(pybind11::module_& m);
 void bind_frames(pybind11::module_& m);
 void bind_observer(pybind11::module_& m);

@@ -25,7 +25,7 @@ struct ObservationRow {
   double along, across, up, distance, visibility;
 };
 
-/// One object in the region, which is a NumPy record in Python. World frame.
+/// One object in the evaluation region, in the world frame, which is a NumPy record in Python.
 struct PresentRow {
   std::int32_t frame, id;
   std::uint16_t class_id;

@@ -15,8 +15,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Returns the folder of the catalogue; empty if there is none. It is found relative to the
-/// program, which is in a Python package, an installation or a source tree.
+/// Returns the folder of the catalogue of configuration files; empty if there is none. The folder
+/// is found relative to the program, which is in a Python package, an installation or a source
+/// tree.
 fs::path catalogue() {
   std::error_code error;
   const fs::path folder = fs::read_symlink("/proc/self/exe", error).parent_path();
@@ -36,7 +37,7 @@ std::vector<std::string> names(const fs::path& folder) {
   return names;
 }
 
-/// Number of letters to change, insert or remove to turn one word into the other.
+/// Edit distance of two words: the number of letters to change, insert or remove.
 std::size_t edits(const std::string& a, const std::string& b) {
   std::vector<std::size_t> row(b.size() + 1);
   std::iota(row.begin(), row.end(), 0U);

@@ -34,10 +34,11 @@ struct LidarChanges {
   std::optional<std::string> echo;
 };
 
-/// Returns a LiDAR with the values of a command. Warns if `law_exponent` has no effect on it.
+/// Returns a copy of a LiDAR with values from the command line. Warns if `law_exponent` has no
+/// effect on the LiDAR.
 LidarConfig with_changes(LidarConfig lidar, const LidarChanges& changes);
 
-/// Reads the LiDAR of a command-line argument.
+/// Reads the LiDAR that a command-line argument names, and applies `changes`.
 LidarConfig lidar_of(const std::string& word, const std::string& preset,
                      const LidarChanges& changes);
 

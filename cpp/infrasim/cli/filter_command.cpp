@@ -18,7 +18,7 @@ namespace infrasim::cli {
 
 namespace {
 
-// Assigns the numbers of an option to parameters, one after the other.
+// Moves the first numbers of an option to a filter's parameter.
 void take(std::span<const double>& numbers, double& value) {
   value = numbers.front();
   numbers = numbers.subspan(1);
@@ -59,8 +59,8 @@ struct FilterOption {
   FilterStep (*filter)(std::span<const double> numbers);
 };
 
-/// The options in the order of --help, which is also the order of the steps. Filters that require
-/// the ground points come before filters that remove them.
+/// The filter options in the order of --help, which is also the order of the filter steps. Filters
+/// that require the ground points come before filters that remove them.
 constexpr std::array kFilterOptions{
     FilterOption{"--crop-box", "keep the points in a box: xmin,ymin,zmin,xmax,ymax,zmax (m)", 6, 6,
                  filter_of<CropBox>},
@@ -94,7 +94,7 @@ struct FilterOptions {
   std::string save_background;
 };
 
-/// Reads a saved model, or learns a model from frames of the sensor.
+/// Reads a saved background model, or learns a background model from frames of the sensor.
 BackgroundModel background_of(const std::vector<std::string>& files) {
   if (files.size() == 1) {
     const std::string bytes = read_file(files.front());
@@ -131,7 +131,8 @@ void warn_without_plane(const FilterStep& step, std::size_t before, std::size_t 
                where.c_str());
 }
 
-/// Warns if a .bin seems to have another layout, and about information that a .bin can't contain.
+/// Warns if a .bin file seems to have another layout, and about information that a .bin file can't
+/// contain.
 void warn_of_bin(const FilterOptions& o, const CloudFile& cloud) {
   const auto warn = [&](const std::string& file, const std::string& text) {
     std::fprintf(stderr, "infrasim: warning: %s: %s\n", file.c_str(), text.c_str());
@@ -195,8 +196,8 @@ void add_filter_command(CLI::App& app) {
           ->delimiter(',')
           ->expected(row.numbers, row.most_numbers);
   }
-  // Each of the two filters requires the ground points. If one removed them, the other would remove
-  // roofs as ground.
+  // Both ground filters require the ground points. If the first filter removed these points, the
+  // second filter would remove roofs as ground.
   command->get_option("--ground-plane")->excludes(command->get_option("--ground-morphological"));
   auto* background =
       command->add_option("--background", o->background,

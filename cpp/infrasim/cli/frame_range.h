@@ -7,7 +7,7 @@
 
 namespace infrasim::cli {
 
-/// Parses a frame range A:B or A:B:STEP, B excluded, within a number of frames.
+/// Parses a frame range A:B or A:B:STEP, which excludes frame B. B is at most `frames`.
 /// @throws ConfigError
 FrameRange parse_frames(const std::string& text, int frames);
 

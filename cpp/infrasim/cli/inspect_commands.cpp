@@ -48,8 +48,7 @@ struct CheckOptions {
 /// maximum relative error of the detection law at a published range
 constexpr double kMostOff = 0.2;
 
-/// Returns the agreement of the detection law with the published ranges, one line per distinct
-/// unit.
+/// Compares the detection law with the published ranges. Returns one line per distinct unit.
 /// @throws ConfigError if the error of a range exceeds kMostOff
 std::set<std::string> law_errors(const std::filesystem::path& file, const LidarConfig& lidar) {
   std::set<std::string> lines;
@@ -90,7 +89,7 @@ LidarConfig checked_lidar(const std::filesystem::path& file,
   return lidar;
 }
 
-/// @throws ConfigError about the first overlap of vehicles
+/// @throws ConfigError if vehicles overlap
 void check_traffic(const std::filesystem::path& file, const SceneConfig& scene) {
   const std::vector<Overlap> overlaps = traffic_overlaps(scene);
   if (overlaps.empty()) return;
@@ -140,8 +139,8 @@ std::string compass(double bearing_deg) {
   return config::number_text(std::round(bearing_deg)) + " degrees (" + kNames.at(at) + ")";
 }
 
-/// Describes where a ray of this elevation meets level ground `height_m` below the sensor, in the
-/// direction in which the unit looks.
+/// Describes where a ray at the given elevation meets level ground `height_m` below the sensor, in
+/// the direction in which the unit looks.
 /// @param pose rotation from the unit's frame to the levelled frame
 std::string meets_ground(const Mat3& pose, double elevation_deg, double height_m) {
   const double e = rad(elevation_deg);
@@ -151,8 +150,8 @@ std::string meets_ground(const Mat3& pose, double elevation_deg, double height_m
          " m";
 }
 
-/// Returns one line per mount about its compass bearing, and one line per mount and LiDAR about the
-/// ground in its view. North is the y axis of the scene.
+/// Returns one line per mount about the compass bearing of the mount, and one line per mount and
+/// LiDAR about the visible ground. North is the y axis of the scene.
 std::vector<std::string> views_of_mounts(const SceneConfig& scene, const CheckOptions& o) {
   std::vector<std::string> lines;
   const auto whole = [](double v) { return config::number_text(std::round(v * 10) / 10); };
@@ -190,8 +189,8 @@ std::vector<std::string> views_of_mounts(const SceneConfig& scene, const CheckOp
   return lines;
 }
 
-/// Returns the identity of the frames of a scene or LiDAR. The file is a configuration file, or the
-/// dataset.yaml or lidar.yaml of a folder.
+/// Returns the text that identifies the frames of a scene or LiDAR. The file is a configuration
+/// file, or the dataset.yaml or lidar.yaml of a folder.
 std::string canonical_of(const std::filesystem::path& file, const config::Tree& tree, bool lidar,
                          const CheckOptions& o) {
   if (tree.find("T_world_levelled") != nullptr)
@@ -232,7 +231,7 @@ void check_command(const CheckOptions& o) {
     std::fprintf(stderr, "infrasim: warning: %s\n", line.c_str());
   const std::vector<std::string> views = views_of_mounts(scene, o);
   std::fputs(dump_scene(scene).c_str(), stdout);
-  if (std::fflush(stdout) != 0) return;  // main reports the error
+  if (std::fflush(stdout) != 0) return;  // the function main reports the error
   for (const std::string& line : views) std::fprintf(stderr, "infrasim: %s\n", line.c_str());
 }
 

@@ -17,7 +17,7 @@
 
 namespace {
 
-// Exit codes: 0 done, 1 failed, 2 wrong usage or configuration.
+// Exit codes: 0 for success, 1 for a failure, 2 for wrong usage or configuration.
 constexpr int kFailed = 1;
 constexpr int kWrong = 2;
 
@@ -60,12 +60,12 @@ int parse(CLI::App& app, int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  // Frames of several megabytes are allocated and freed continually. Their memory pages are kept.
+  // Frames of several megabytes are allocated and freed continually, so malloc keeps freed memory.
   mallopt(M_MMAP_THRESHOLD, 1 << 28);
   mallopt(M_TRIM_THRESHOLD, 1 << 28);
   infrasim::cli::hear_signals();
   infrasim::record_read_files();
-  std::signal(SIGXFSZ, SIG_IGN);  // exceeding the file size limit becomes an error of write()
+  std::signal(SIGXFSZ, SIG_IGN);  // a file above the size limit then gives an error of write()
   CLI::App app(
       "Simulates roadside LiDARs.\nExample: infrasim run highway "
       "--lidar livox_avia --frames 0:10 --out data/highway",

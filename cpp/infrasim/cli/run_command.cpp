@@ -102,8 +102,8 @@ RunRequest request_of(const RunOptions& o) {
 }
 
 /// Returns a progress bar for a terminal, which is updated at most ten times a second. Nothing is
-/// shown if the output is not a terminal. After the first frame, a signal lets running frames
-/// finish.
+/// shown if the output is not a terminal. After the first frame, SIGINT and SIGTERM let running
+/// frames finish.
 Progress progress_bar() {
   if (::isatty(STDERR_FILENO) == 0) return [](int, int) { finish_before_signals(); };
   using Clock = std::chrono::steady_clock;

@@ -20,7 +20,7 @@ void on_signal(int number) {
 }
 
 void put(std::string_view text) {
-  // Nothing can be done if standard error is closed.
+  // The result is ignored, because nothing can be done if standard error is closed.
   [[maybe_unused]] const auto written = ::write(STDERR_FILENO, text.data(), text.size());
 }
 

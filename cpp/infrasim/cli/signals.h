@@ -11,7 +11,7 @@ void hear_signals();
 /// signal ends the process at once.
 void finish_before_signals();
 
-/// Returns the signal that set the flag; 0 if there was none.
+/// Returns the number of the first signal after `finish_before_signals`; 0 if there was none.
 const std::atomic<int>& noted_signal();
 
 /// Prints the message of a command that a signal stopped.

@@ -57,7 +57,7 @@ std::vector<StaticHits> recorded_units(const SceneConfig& scene, const LidarConf
 
 void static_command(const StaticOptions& o) {
   SceneConfig scene = read_scene(config_file(o.scene, {"scenes"}), o.assignments, o.preset);
-  scene.static_layers.reset();  // this command makes the static layers
+  scene.static_layers.reset();  // existing layers are ignored, because this command makes them
   const LidarConfig lidar = lidar_of(o.lidar, o.preset, {o.rate_hz, {}, {}});
   const World world = build_static_world(scene);
   const std::vector<StaticHits> units =
