@@ -9,7 +9,7 @@ namespace infrasim {
 
 /// How the rays of a frame sample the motion of objects.
 struct Aggregation {
-  std::string word = "exact";  ///< the value of the key in the configuration
+  std::string word = "exact";  ///< value of the key `aggregation` in a scene file
   int slices = 0;  ///< number of frozen instants per frame; with 0, each ray meets the objects at
                    ///< its own firing time
 };
@@ -20,11 +20,11 @@ inline constexpr const char* kAggregationWords = "exact, instant or slices:N wit
 /// @return no value for any other word
 std::optional<Aggregation> parse_aggregation(const std::string& word);
 
-/// A part of a frame. Its limits are shares of the frame.
+/// A part of a frame. `from` and `to` are shares of the frame's duration.
 struct WorldSlice {
   double from = 0;
   double to = 1;
-  bool frozen = false;  ///< objects stand still at the middle of the slice
+  bool frozen = false;  ///< whether objects stand still, as at the middle of the slice
   double middle() const { return (from + to) / 2; }
 };
 

@@ -15,7 +15,7 @@ std::size_t find_unprintable(std::string_view text, std::size_t from = 0);
 std::string printable(std::string_view text);
 
 /// An error in a configuration or input file. The message is one printable line:
-/// `file:line:col: key: what was expected, what it got`.
+/// `file:line:col: key: expected ..., got ...`.
 class ConfigError : public std::runtime_error {
  public:
   explicit ConfigError(std::string_view message) : std::runtime_error(printable(message)) {}

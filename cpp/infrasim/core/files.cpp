@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kMostLinks = 40;  // as in the Linux kernel
+constexpr int kMostLinks = 40;  // maximum number of links in a chain, as in the Linux kernel
 
 using FileNumber = std::pair<dev_t, ino_t>;
 
@@ -32,7 +32,7 @@ ReadRecord& read_record() {
   return record;
 }
 
-/// Returns the numbers that identify a file; 0, 0 if there is none.
+/// Returns the device and inode numbers of a file, or 0 and 0 if the file does not exist.
 FileNumber number_of(const fs::path& file) {
   struct stat found{};
   return ::stat(file.c_str(), &found) == 0 ? FileNumber{found.st_dev, found.st_ino} : FileNumber{};

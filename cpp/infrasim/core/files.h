@@ -12,16 +12,16 @@ inline bool has_zero(const std::filesystem::path& file) {
   return file.native().find('\0') != std::string::npos;
 }
 
-/// maximum size of a file that is read at once
+/// maximum size, in bytes, of a file that is read into memory
 inline constexpr std::uintmax_t kMostBytes = std::uintmax_t{4} << 30;
 
-/// The file to which a path leads through symbolic links. It need not exist.
+/// The file to which a path leads through symbolic links. The target need not exist.
 /// @throws ConfigError if the links form a loop
 std::filesystem::path link_target(const std::filesystem::path& path);
 
 /// Refuses FIFOs, devices and sockets. A read of them may never end, and a rename would replace
 /// them. A file that does not exist is accepted.
-/// @throws ConfigError if the path leads to one of them
+/// @throws ConfigError if the path leads to a FIFO, a device or a socket
 void expect_regular(const std::filesystem::path& file);
 
 /// Opens a file to read its bytes.
@@ -33,8 +33,8 @@ std::ifstream open_file(const std::filesystem::path& file);
 ///   than `most` bytes
 std::string read_file(const std::filesystem::path& file, std::uintmax_t most = kMostBytes);
 
-/// From now on, the process records which files it opens to read. A command calls it at its start,
-/// so that its output does not replace an input.
+/// Starts to record which files this process opens to read. A command calls this function at its
+/// start, so that the command's output does not replace an input.
 void record_read_files();
 
 /// Whether the path leads to a file that was opened to read since record_read_files().

@@ -18,8 +18,8 @@ struct CropBox {
 };
 
 /// Keeps points whose x and y lie inside a simple polygon. The edges of the polygon must not cross.
-/// The corners may be in either direction, and the polygon is closed automatically. A point on the
-/// outline may count as inside or outside.
+/// The corners may be in clockwise or counter-clockwise order, and the polygon is closed
+/// automatically. A point on the outline may count as inside or outside.
 struct CropPolygon {
   std::vector<Vec2> outline_m;
 };
@@ -39,7 +39,7 @@ struct CropFieldOfView {
   double elevation_max_deg = 90;
 };
 
-/// Keeps points above a constant height, z > z_m in the levelled LiDAR frame. It ignores slopes.
+/// Keeps points above a constant height, z > z_m in the levelled LiDAR frame. Slopes are ignored.
 struct GroundHeight {
   double z_m = 0;
 };
@@ -80,9 +80,9 @@ struct GroundMorphological {
   double window_m = 6;
   double height_m = 0.25;
   double cell_m = 0.3;
-  /// gaps between returns are filled along azimuth steps of this size
+  /// width of the azimuth sectors along which the gaps between returns are filled
   double azimuth_cell_deg = 0.5;
-  double max_range_m = 300;  ///< at most 2000 times cell_m
+  double max_range_m = 300;  ///< maximum range of removed points, at most 2000 times cell_m
 };
 
 /// Parameters for learning a background. A cell should be about as large as the step between beams.

@@ -12,17 +12,18 @@ namespace infrasim {
 /// scanned.
 enum class LabelTime { kFrame, kScan };
 
-/// One object in the frame of one LiDAR. The boxes are in the levelled frame.
+/// One object in one frame of a LiDAR. The boxes are in the levelled LiDAR frame.
 struct ObjectRecord {
   int id = 0;
   Class object_class = Class::kCar;
-  Box3d box;  ///< at the middle of the frame
+  Box3d box;  ///< box at the middle of the frame
   double speed_m_s = 0;
-  int points = 0;          ///< points that lie on the object
-  int points_in_box = 0;   ///< points on the object and inside its box, ignoring range noise
-  double distance = 0;     ///< horizontal, sensor to box centre, metres
+  int points = 0;  ///< number of points on the object
+  /// number of points on the object whose position without range noise is inside `box`
+  int points_in_box = 0;
+  double distance = 0;     ///< horizontal distance from sensor to box centre, m
   double visibility = -1;  ///< visible share, [0, 1]; -1 outside the evaluation region
-  Box3d scan_box;          ///< at scan_time_s
+  Box3d scan_box;          ///< box at the time `scan_time_s`
   double scan_time_s = 0;  ///< mean time of the object's returns, since the start of the frame
   int points_in_scan_box = 0;
 };
@@ -33,11 +34,12 @@ struct Frame {
   std::vector<ObjectRecord>
       objects;           ///< every object in range, by id, including objects without a hit
   std::size_t rays = 0;  ///< number of rays fired within the frame
-  std::size_t rays_cast =
-      0;  ///< rays that were cast: fewer with a static layer, more with wide beams
+  /// number of rays cast: fewer than `rays` with stored hits of static surfaces, more with sub-rays
+  /// of wide beams
+  std::size_t rays_cast = 0;
   bool pitched =
-      false;  ///< whether objects of the run have a pitch, so that their table has a column for it
-  bool no_plane = false;  ///< a `ground_plane` filter found no plane
+      false;  ///< whether objects have a pitch, so that their table has a column for the pitch
+  bool no_plane = false;  ///< whether a `ground_plane` filter found no plane
   /// computing time of the frame; 0 if the frame was not requested
   double seconds = 0;
 };

@@ -84,14 +84,14 @@ struct Box3d {
   bool operator==(const Box3d&) const = default;
 };
 
-/// The smallest box without pitch and with the same heading that contains the box.
+/// The smallest box without pitch and with the same heading that contains `box`.
 Box3d levelled(const Box3d& box);
 
 /// A box prepared for tests of many points.
 class BoxFrame {
  public:
   explicit BoxFrame(const Box3d& box);
-  /// Like the constructor above, but faster if `box` has the heading and pitch of `other`.
+  /// Prepares `box`, and reuses the sines and cosines of `other` if heading and pitch are equal.
   BoxFrame(const Box3d& box, const BoxFrame& other)
       : BoxFrame(box.heading == other.box_.heading && box.pitch == other.box_.pitch
                      ? other
@@ -99,7 +99,7 @@ class BoxFrame {
     box_ = box;
   }
 
-  /// Transforms a point from the frame of the Box3d to the frame of the box itself, and back.
+  /// Transform a point from the frame in which the box is given to the box's own frame, and back.
   Vec3 to_box(Vec3 p) const;
   Vec3 from_box(Vec3 local) const;
   /// Whether the box contains a point; `margin` enlarges the box on all sides.
@@ -114,7 +114,7 @@ class BoxFrame {
   double cos_pitch_, sin_pitch_;
 };
 
-/// Corners of the footprint, counter-clockwise from front right.
+/// Corners of a box's footprint, counter-clockwise from the front right corner.
 std::array<Vec2, 4> footprint(const Box3d& box);
 
 /// Area of an outline that is not closed; positive if counter-clockwise.

@@ -8,15 +8,14 @@
 #include <utility>
 
 // Elementary functions that give the same bits on every x86-64 processor. The functions of the C
-// library do not: it selects an implementation by the processor, with or without fused
-// multiply-add. The code of the simulator therefore uses these functions in place of those of
+// library do not, because their implementation depends on the processor (with or without fused
+// multiply-add). The code of the simulator therefore uses these functions in place of those of
 // <cmath>. Square roots, rounding and fmod are exact and may come from <cmath>.
 
 namespace infrasim::math {
 
 inline double sin(double x) { return Sleef_cinz_sind1_u10purec(x); }
 inline double cos(double x) { return Sleef_cinz_cosd1_u10purec(x); }
-/// Cosine and sine.
 inline std::pair<double, double> cos_sin(double x) {
   const Sleef_double_2 both = Sleef_cinz_sincosd1_u10purec(x);
   return {both.y, both.x};
@@ -35,7 +34,8 @@ inline float cos(float x) { return Sleef_cinz_cosf1_u10purec(x); }
 inline float asin(float x) { return Sleef_cinz_asinf1_u10purec(x); }
 inline float log(float x) { return Sleef_cinz_logf1_u10purec(x); }
 
-/// Replaces each value by its exponential. Two are computed at once; the bits are those of `exp`.
+/// Replaces each value by its exponential. Two values are computed at once. The results have the
+/// same bits as those of `exp`.
 inline void exp_all(std::span<double> values) {
   std::size_t i = 0;
   for (; i + 2 <= values.size(); i += 2)
@@ -43,7 +43,8 @@ inline void exp_all(std::span<double> values) {
   for (; i < values.size(); ++i) values[i] = exp(values[i]);
 }
 
-/// Length of a vector, for lengths in metres: squares must neither overflow nor underflow.
+/// Length of a vector, without protection from overflow and underflow of the squares. Lengths in
+/// metres need no protection.
 inline double hypot(double x, double y) { return std::sqrt(x * x + y * y); }
 inline float hypot(float x, float y) { return std::sqrt(x * x + y * y); }
 

@@ -23,7 +23,7 @@ std::optional<T> parse_number(std::string_view text) {
 /// Appends a number as printf's %.Nf does in the C locale, independent of the locale.
 /// @param digits number of digits after the decimal point, at most 10
 inline void append_fixed(std::string& text, double value, int digits) {
-  std::array<char, 330> buffer{};  // the largest number has 309 digits
+  std::array<char, 330> buffer{};  // the largest double has 309 digits before the point
   char* const end = buffer.data() + buffer.size();
   text.append(buffer.data(),
               std::to_chars(buffer.data(), end, value, std::chars_format::fixed, digits).ptr);

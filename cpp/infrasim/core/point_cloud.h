@@ -10,12 +10,12 @@ namespace infrasim {
 /// Points of one LiDAR in one frame, one column per attribute; all columns have length size().
 struct PointCloud {
   std::vector<float> xyz;               ///< 3 * size(), row-major, metres, levelled LiDAR frame
-  std::vector<float> intensity;         ///< [0, 1]
+  std::vector<float> intensity;         ///< intensity of the return, [0, 1]
   std::vector<float> time;              ///< seconds since the start of the frame
   std::vector<std::uint16_t> ring;      ///< index of the laser, 0 at the lowest elevation
-  std::vector<std::uint16_t> class_id;  ///< value of Class
-  std::vector<std::int32_t> object_id;  ///< -1 for background
-  /// 1 for the second point of a ray, else 0. The first is the strongest echo.
+  std::vector<std::uint16_t> class_id;  ///< class of the point, a value of Class
+  std::vector<std::int32_t> object_id;  ///< id of the object; -1 for background
+  /// 1 for the second point of a ray, otherwise 0. The first point is the strongest echo.
   std::vector<std::uint8_t> echo;
 
   std::size_t size() const { return intensity.size(); }

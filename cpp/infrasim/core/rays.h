@@ -10,15 +10,15 @@ namespace infrasim {
 
 /// Rays from the origin of the levelled frame. Each attribute is a column.
 struct RayBatch {
-  /// number of the ray among the consecutive rays of the pattern from which the batch was made,
-  /// ascending; empty for other rays
+  /// index of each ray in the range of a scan pattern's rays from which the batch was made, in
+  /// ascending order; empty if the rays are not from a scan pattern
   std::vector<std::uint32_t> number;
   std::vector<float> dx, dy, dz;  ///< unit direction, levelled frame
   std::vector<float> time;        ///< seconds since the start of the frame
   std::vector<std::uint16_t> ring;
-  /// minimum range of each ray, metres; if the vector is empty, hits at all ranges count
+  /// minimum range of each ray, metres; if the vector is empty, the minimum is 0
   std::vector<float> near;
-  float max_range = 0;  ///< metres; farther hits count as misses
+  float max_range = 0;  ///< maximum range, metres; farther hits count as misses
 
   std::size_t size() const { return time.size(); }
   float near_range(std::size_t i) const { return near.empty() ? 0 : near[i]; }
@@ -33,9 +33,9 @@ struct RayBatch {
   }
 };
 
-/// Position and surface normal at which a ray meets a moving body.
+/// Position at which a ray hits a moving body, and the surface normal there.
 struct BodyPlace {
-  std::array<float, 3> at;      ///< in the body's unit box, [-0.5, 0.5], x forward
+  std::array<float, 3> at;      ///< position in the body's unit box, [-0.5, 0.5], x forward
   std::array<float, 3> normal;  ///< unit vector in the body's frame, pointing inwards or outwards
 };
 
@@ -50,11 +50,11 @@ struct Hit {
 
 /// Nearest hit of each ray.
 struct HitBatch {
-  std::vector<float> range;  ///< metres; +inf: nothing hit
+  std::vector<float> range;  ///< range of the hit, metres; +inf if nothing was hit
   /// cosine of the angle between ray and surface normal, [0, 1]
   std::vector<float> cos_incidence;
-  std::vector<std::int32_t> object;  ///< index of the moving body; -1: background
-  /// class of the background, even if a body hides it; 0 without background
+  std::vector<std::int32_t> object;  ///< index of the moving body; -1 for background or no hit
+  /// class of the background that the ray would hit without moving bodies; 0 if there is none
   std::vector<std::uint16_t> class_id;
   std::vector<BodyPlace> place;  ///< position on a moving body; filled together with cos_incidence
 

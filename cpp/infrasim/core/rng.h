@@ -30,15 +30,15 @@ class Rng {
  public:
   constexpr explicit Rng(std::uint64_t key) : key_(key) {}
 
-  /// Key of a named stream, such as a LiDAR or the traffic.
+  /// Random stream with a name, such as that of a LiDAR or of the traffic.
   static constexpr Rng of(std::uint64_t seed, std::string_view name) {
     return Rng(mix64(mix64(seed + kStep) ^ hash_name(name)));
   }
 
-  /// Key of a part of this stream, such as a vehicle, a frame, or a ray of a frame. Keys are mixed
-  /// at each level. If they were only added, ray i + 1 of a frame would have the samples of ray i
-  /// in the next frame. If samples are also taken from the stream itself, its parts are numbered
-  /// from 1.
+  /// Random stream of a part of this stream, such as a vehicle, a frame, or a ray of a frame. Keys
+  /// are mixed at each level. If keys were only added, ray i + 1 of a frame would have the samples
+  /// of ray i in the next frame. If samples are also taken from the stream itself, its parts are
+  /// numbered from 1.
   constexpr Rng at(std::uint64_t index) const { return Rng(mix64(key_ + kStep * (index + 1))); }
 
   /// Sample j, uniform in [0, 1).

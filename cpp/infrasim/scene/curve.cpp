@@ -74,12 +74,12 @@ double Curve::tightest_radius() const {
 
 namespace {
 
-// m, length of the pieces of a segment in the grid; the bounding boxes of long pieces would touch
-// many squares
+// m, maximum length of the pieces into which a segment is cut for the grid; the bounding boxes of
+// longer pieces would touch many squares
 constexpr double kGridPiece_m = 16;
 
 /// Returns the part of a segment, as shares from 0 to 1, whose coordinate lies between two limits.
-/// The part is empty if its first share is above the second one.
+/// The part is empty if the first share is above the second one.
 std::pair<double, double> part_between(double from, double to, double low, double high) {
   const double step = to - from;
   if (step == 0) return from < low || from > high ? std::pair{1.0, 0.0} : std::pair{0.0, 1.0};
@@ -110,13 +110,13 @@ CurveGrid::CurveGrid(const Curve& curve, Vec2 low, Vec2 high, double reach_m)
 std::optional<double> CurveGrid::project(const Curve& curve, Vec2 point) const {
   if (point.x < low_.x || point.x > high_.x || point.y < low_.y || point.y > high_.y)
     return std::nullopt;
-  // A little more than the reach, so that rounding does not lose a segment at the limit.
+  // The margin is 1 cm larger than the reach, so that rounding errors do not lose a segment.
   const Vec2 beside{reach_m_ + 0.01, reach_m_ + 0.01};
   Curve::SegmentPoint best{kInf, 0};
   std::size_t best_segment = 0;
   segments_.any_near(std::array{point - beside, point + beside}, [&](std::size_t i) {
     const Curve::SegmentPoint here = curve.nearest_on(i, point);
-    // Of equally near segments the first one counts, as in Curve::project.
+    // If several segments are equally near, the first one is used, as in Curve::project.
     if (here.away < best.away || (here.away == best.away && i < best_segment)) {
       best = here;
       best_segment = i;
@@ -127,8 +127,8 @@ std::optional<double> CurveGrid::project(const Curve& curve, Vec2 point) const {
 }
 
 Curve turn(const CurvePoint& from, const CurvePoint& to) {
-  // If a handle is 0.39 times the chord, a quarter turn deviates from a circle by at most 0.03 % of
-  // the radius.
+  // With handles of 0.39 times the chord, the Bezier curve of a quarter turn deviates from a circle
+  // by at most 0.04 % of the radius.
   constexpr int kSteps = 40;
   const double handle = 0.39 * norm(to.position - from.position);
   const Vec2 p1 = from.position + handle * heading_vector(from.heading);

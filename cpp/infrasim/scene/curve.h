@@ -14,8 +14,8 @@ struct CurvePoint {
   double heading = 0;
 };
 
-/// A plane curve given by samples. The station s is the length from the first sample. Position and
-/// heading are linear between samples.
+/// A plane curve given by samples. The station s is the length along the curve from the first
+/// sample. Position and heading are linear between samples.
 class Curve {
  public:
   Curve() = default;
@@ -25,7 +25,7 @@ class Curve {
   const std::vector<CurvePoint>& samples() const { return samples_; }
   /// Station s of each sample.
   const std::vector<double>& stations() const { return s_; }
-  /// Point at s, clamped to the curve's ends.
+  /// Point at the station s, or the nearer end if s is outside the curve.
   CurvePoint at(double s) const;
   /// Station of the curve's point nearest to `point`.
   double project(Vec2 point) const;
@@ -37,9 +37,9 @@ class Curve {
   /// Returns the point of a segment that is nearest to `point`.
   /// @param segment index of the segment's first sample
   SegmentPoint nearest_on(std::size_t segment, Vec2 point) const;
-  /// The part from s0 to s1.
+  /// The part of the curve between the stations s0 and s1.
   Curve part(double s0, double s1) const;
-  /// Returns the curve with every sample moved to the left.
+  /// Returns the curve with every sample moved to its left by `left_m`.
   Curve offset(double left_m) const;
   Curve reversed() const;
   /// Radius of the tightest bend; infinite for a straight curve.
@@ -52,12 +52,12 @@ class Curve {
   std::vector<double> s_;
 };
 
-/// Finds the part of a curve near a point without a search over the whole curve. A grid holds the
-/// segments in a rectangle.
+/// Projects points onto a curve without a search over the whole curve. A grid lists the segments in
+/// a rectangle.
 class CurveGrid {
  public:
-  /// @param low, high  corners of the rectangle of the points that may be searched
-  /// @param reach_m    largest distance of a curve from a point
+  /// @param low, high  corners of the rectangle that contains the points to project
+  /// @param reach_m    maximum distance of the curve from a point
   CurveGrid(const Curve& curve, Vec2 low, Vec2 high, double reach_m);
 
   /// Returns the same station as Curve::project if the curve is within `reach_m` of the point.

@@ -7,7 +7,7 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kAcceleration = 1.5;    // m/s2 (Treiber, Kesting 2013, table 11.2)
+constexpr double kAcceleration = 1.5;    // m/s2, maximum (Treiber, Kesting 2013, table 11.2)
 constexpr double kHardestBraking = 8.0;  // m/s2, maximum braking
 // m/s2; a vehicle does not stop at a red signal if it would have to brake harder
 constexpr double kCommitBraking = 3.0;
@@ -55,7 +55,7 @@ int next_lane(const TrafficState& state, const TrafficSignals& signals, const Ve
   const auto way = [&](Turn turn) {
     return std::ranges::find(lane.next, turn, [&](int next) { return network.lanes[next].turn; });
   };
-  if (way(Turn::kStraight) == lane.next.end()) {  // one lane that ends at a T
+  if (way(Turn::kStraight) == lane.next.end()) {  // the lane ends at a T junction
     const double shares = junction.left_share + junction.right_share;
     const double left = shares > 0 ? junction.left_share / shares : 0.5;
     const bool goes_left = v.turn_choice < left;
@@ -77,7 +77,7 @@ int next_lane(const TrafficState& state, const TrafficSignals& signals, const Ve
   return *way(Turn::kStraight);
 }
 
-/// The desired speed, reduced if a slow lane is near enough to brake for.
+/// The desired speed, reduced if the vehicle must brake for a next lane with a lower speed limit.
 double target_speed(const TrafficState& state, const Vehicle& v) {
   const double here = std::min(v.desired_speed, state.lane_of(v).speed_limit_m_s);
   if (v.next_lane < 0) return here;
@@ -118,7 +118,7 @@ Leader vehicle_ahead(const TrafficState& state, int lane, std::size_t i) {
   return best;
 }
 
-/// Returns the stop line of a red signal as the position of a standing vehicle slightly behind it.
+/// Represents the stop line of a red signal by a standing vehicle slightly behind the line.
 Leader red_signal(const TrafficState& state, const TrafficSignals& signals, const Vehicle& v) {
   const int approach = state.lane_of(v).approach;
   if (approach < 0 || v.committed || signals.is_green(approach)) return {};

@@ -8,7 +8,7 @@
 
 namespace infrasim {
 
-// Usual values for mixed traffic (Treiber, Kesting 2013, table 11.2).
+// Usual parameters of drivers in mixed traffic (Treiber, Kesting 2013, table 11.2).
 inline constexpr double kBraking = 2.0;  ///< m/s2, comfortable braking
 inline constexpr double kTimeGap = 1.2;  ///< s, desired time gap to the vehicle ahead
 

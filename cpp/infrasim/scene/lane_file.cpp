@@ -11,7 +11,7 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kLeastStep = 1e-4;  // m, minimum distance of two rows of a lane
+constexpr double kLeastStep = 1e-4;  // m, minimum distance between consecutive rows of a lane
 // m, distance along a lane from an end within which a station counts as the end
 constexpr double kAtEnd = 1e-6;
 

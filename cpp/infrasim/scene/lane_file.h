@@ -49,7 +49,7 @@ struct LaneLevel {
   double z = 0;
 };
 
-/// The nearest point of each lane.
+/// Returns the point of each lane that is nearest to `place`.
 std::vector<LaneLevel> lane_levels(std::span<const LanePath> lanes, Vec2 place);
 
 }  // namespace infrasim

@@ -9,12 +9,12 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kStopLineGap = 3;  // m between the crossing road's edge and the stop line
+constexpr double kStopLineGap = 3;  // m, distance from the crossing road's edge to the stop line
 constexpr double kLeastArm = 10;    // m, minimum length of a road on each side of its junction
-// m; this length times the cosine of the angle of a T is added to the gap, for the tails of turning
-// vehicles
+// m; at a T junction, the stop line moves back by this length times the cosine of the angle between
+// the roads, because of the tails of turning vehicles
 constexpr double kSharpTurnGap = 8;
-constexpr double kLateralAcceleration = 2;     // m/s2, accepted by drivers in a turn
+constexpr double kLateralAcceleration = 2;     // m/s2, maximum that drivers accept in a turn
 constexpr double kSharpestCrossing = kPi / 4;  // minimum angle between two roads
 constexpr double kAngleSlack = 1e-6;           // tolerance for angles that should be equal
 constexpr double kMostBend = kPi / 6;          // maximum bend of a road within its junction
@@ -107,8 +107,8 @@ void check_heights(const JunctionConfig& junction, const RoadConfig& a, const Ro
                      config::number_text(b.elevation_m) + " m");
 }
 
-/// Checks that each road is nearly straight within the junction, and that every other exit is a
-/// left or right turn.
+/// Checks that each road is nearly straight within the junction, and that the angle between the two
+/// roads is large enough.
 void check_angles(const JunctionConfig& junction, const RoadLine& a, const RoadLine& b) {
   for (const RoadLine* road : {&a, &b}) {
     const double in = road->curve.at(road->cut->from).heading;
@@ -129,7 +129,8 @@ void check_angles(const JunctionConfig& junction, const RoadLine& a, const RoadL
     }
 }
 
-/// Makes a ring. It has one lane, and its roads must have one lane each way.
+/// Makes the ring of a roundabout. The ring has one lane, and its roads must have one lane each
+/// way.
 Ring ring_at(const JunctionConfig& junction, Vec2 centre, const RoadConfig& a,
              const RoadConfig& b) {
   for (const RoadConfig* road : {&a, &b})
@@ -140,7 +141,7 @@ Ring ring_at(const JunctionConfig& junction, Vec2 centre, const RoadConfig& a,
   return {a.name + "_" + b.name + "_ring", centre, a.elevation_m, *junction.roundabout};
 }
 
-/// Sets the cuts of both roads; returns the ring of a roundabout.
+/// Sets the part of both roads that is inside a junction. Returns the ring of a roundabout.
 std::optional<Ring> cut_roads(const SceneConfig& scene, int index, std::vector<RoadLine>& roads) {
   const JunctionConfig& junction = scene.junctions[static_cast<std::size_t>(index)];
   RoadLine& a = roads[road_index(scene, junction.roads[0], junction.place, "roads")];
@@ -191,7 +192,8 @@ int add_lane(LaneNetwork& network, const RoadConfig& road, Curve curve) {
   return static_cast<int>(network.lanes.size()) - 1;
 }
 
-/// Adds the lanes of one direction of a road. `along` has the direction of the traffic.
+/// Adds the lanes of one direction of a road. `along` is the centreline in the direction of
+/// traffic.
 void add_direction(LaneNetwork& network, const RoadLine& road, const Curve& along, bool reversed,
                    std::vector<std::vector<Arm>>& arms) {
   const LanesConfig& cross_section = road.config->lanes;
@@ -238,7 +240,7 @@ void connect(LaneNetwork& network, int junction, int from, int to, Turn kind) {
   lane.junction = junction;
   lane.turn = kind;
   lane.next = {to};
-  // A quarter turn over a chord c has radius c / sqrt(2).
+  // A quarter turn of length L has the radius L / (pi / 2).
   if (ring)
     lane.speed_limit_m_s = std::sqrt(kLateralAcceleration * lane.curve.tightest_radius());
   else if (kind != Turn::kStraight)

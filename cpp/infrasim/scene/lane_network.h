@@ -18,11 +18,11 @@ struct Lane {
   double width_m = 3.5;
   double speed_limit_m_s = kInf;
   bool entry = false;  ///< whether new vehicles appear at the lane's start
-  int approach = -1;   ///< the approach of a junction at the lane's end; -1: none
-  int junction = -1;   ///< the junction of a lane inside a junction
-  int leaves = -1;     ///< the junction at the lane's start; -1: none
+  int approach = -1;   ///< index of the junction's approach at the lane's end; -1: none
+  int junction = -1;   ///< index of the junction that contains the lane; -1: none
+  int leaves = -1;     ///< index of the junction at the lane's start; -1: none
   Turn turn = Turn::kStraight;
-  std::vector<int> next;  ///< the following lanes
+  std::vector<int> next;  ///< indices of the lanes that begin at the lane's end
 };
 
 /// The part of a road inside a junction, by stations of its centreline.
@@ -34,11 +34,11 @@ struct JunctionCut {
 
 struct LaneNetwork {
   std::vector<Lane> lanes;
-  std::vector<std::optional<JunctionCut>> cuts;  ///< one per road
-  /// the junction of each approach; one approach per arm of a junction
+  std::vector<std::optional<JunctionCut>> cuts;  ///< part of each road inside a junction
+  /// index of the junction of each approach; one approach per arm of a junction
   std::vector<int> approach_junctions;
   std::vector<JunctionConfig> junctions;
-  std::vector<std::optional<Ring>> rings;  ///< one per junction
+  std::vector<std::optional<Ring>> rings;  ///< ring of each junction that is a roundabout
 };
 
 /// Builds the lanes of roads and junctions. Two roads can have a junction where they cross, or

@@ -9,13 +9,13 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kLeastPart = 0.1;    // m, minimum length of a part in the region
-constexpr double kLeastApart = 0.05;  // m, minimum distance from an end to the next whole metre
+constexpr double kLeastPart = 0.1;    // m, minimum length of a lane's part
+constexpr double kLeastApart = 0.05;  // m, minimum distance between two rows of a part
 // m; a heading is computed from the points this far before and after a station
 constexpr double kHalfChord = 0.5;
 
 struct Stretch {
-  double from, to;  // m along a lane
+  double from, to;  // start and end, m along a lane
 };
 
 /// The stretches of a line within a circle, in order.
@@ -25,7 +25,7 @@ std::vector<Stretch> stretches_within(const Curve& line, Vec2 centre, double rad
   for (std::size_t i = 0; i + 1 < line.samples().size(); ++i) {
     const Vec2 from = line.samples()[i].position - centre;
     const Vec2 edge = line.samples()[i + 1].position - line.samples()[i].position;
-    // |from + u edge| = radius
+    // Solves |from + u * edge| = radius for u.
     const double a = dot(edge, edge), half_b = dot(from, edge);
     const double root = half_b * half_b - a * (dot(from, from) - radius * radius);
     const double length = norm(edge), reach = root > 0 ? std::sqrt(root) : 0;
@@ -50,8 +50,9 @@ double heading_at(const Curve& line, double s) {
   return math::atan2(way.y, way.x);
 }
 
-/// Rounds a length as in roads.csv, so that programs that read the file get the same region.
-double as_written(double metres) { return std::round(metres * 1e4) / 1e4 + 0.0; }  // not -0
+/// Rounds a length as in roads.csv, so that programs that read the file get the same region. The
+/// sum with 0.0 turns -0 into 0.
+double as_written(double metres) { return std::round(metres * 1e4) / 1e4 + 0.0; }
 
 LaneRow row_at(const LanePath& lane, double zero, double s) {
   const double at = zero + s;
@@ -73,7 +74,7 @@ LanePart part_of(const LanePath& lane, const Stretch& stretch, Vec2 foot) {
   for (const double s : stations) {
     const LaneRow row = row_at(lane, zero, s);
     const bool again = !part.rows.empty() && norm(row.place - part.rows.back().place) < kLeastApart;
-    if (again && s != stations.back()) continue;  // the lane returns to the previous row
+    if (again && s != stations.back()) continue;  // the row is at the position of the previous row
     if (again && part.rows.size() > 1) part.rows.pop_back();
     part.rows.push_back(row);
   }
@@ -92,7 +93,7 @@ bool LanePart::contains(Vec2 point, double beside) const {
   if (point.x < low.x - beside || point.x > high.x + beside || point.y < low.y - beside ||
       point.y > high.y + beside)
     return false;
-  // Tests the pieces at the nearest row, as pyinfra/dataset/regions.py does.
+  // Tests the two pieces at the row nearest to the point, as pyinfra/dataset/regions.py does.
   const auto nearest = std::ranges::min_element(
       rows, {}, [&](const LaneRow& row) { return dot(point - row.place, point - row.place); });
   const auto last = static_cast<std::ptrdiff_t>(rows.size()) - 2;

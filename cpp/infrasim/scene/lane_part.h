@@ -9,7 +9,7 @@ namespace infrasim {
 
 /// A point of a lane's centreline, as in a row of roads.csv; world frame.
 struct LaneRow {
-  double s = 0;  ///< metres in the direction of travel
+  double s = 0;  ///< station, metres in the direction of travel
   Vec2 place;
   double z = 0;
   double heading = 0;  ///< direction of travel
@@ -20,7 +20,7 @@ struct LaneRow {
 struct LanePart {
   std::string name;
   std::vector<LaneRow> rows;  ///< rows at both ends and at every whole metre between them
-  Vec2 low, high;             ///< corners of its bounding rectangle
+  Vec2 low, high;             ///< corners of the part's bounding rectangle
 
   /// Returns true for a point between the first and the last row, within the lane's width plus
   /// `beside` on each side.

@@ -16,8 +16,8 @@
 
 namespace infrasim {
 
-/// The objects of a scene. Traffic is simulated only up to the largest frame that was requested.
-/// The objects equal those of a simulation of the whole scene. Thread-safe.
+/// The objects of a scene. Traffic is simulated only up to the latest frame that was requested. The
+/// objects equal those of a simulation of the whole scene. Thread-safe.
 ///
 /// If there are more states than the maximum, the oldest rows are dropped. Rows that were requested
 /// before are kept, up to the same number of states. When a dropped row is requested, the scene is
@@ -35,8 +35,9 @@ class LazyTrajectories {
   int steps() const { return steps_count_; }
   bool pitched() const { return source_.pitched(); }
 
-  /// Objects that exist from one position in the rows to another, as Trajectories::between.
-  /// @throws ConfigError if a vehicle hits a sensor up to the last of the rows
+  /// Objects that exist from row number `from` to row number `to`. Both may be fractional, as in
+  /// Trajectories::between.
+  /// @throws ConfigError if a vehicle hits a sensor up to the row `to`
   std::vector<MovingObject> between(double from, double to);
 
   /// Simulates the whole scene.
@@ -70,7 +71,8 @@ class LazyTrajectories {
   std::size_t states_ = 0;
   std::deque<std::vector<ObjectState>> rows_;
   std::set<int> requested_;  ///< numbers of requested rows that are not dropped yet
-  std::map<int, std::vector<ObjectState>> kept_;  ///< requested rows before first_
+  /// requested rows that were dropped from rows_
+  std::map<int, std::vector<ObjectState>> kept_;
   std::size_t kept_states_ = 0;
 };
 

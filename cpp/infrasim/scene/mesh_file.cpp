@@ -17,10 +17,10 @@ bool is_flat(const PlySurface& surface, const std::array<std::uint32_t, 3>& corn
   return norm(cross(b - a, c - a)) / 2 < kLeastArea_m2;
 }
 
-// A surface is suspicious if it is this many times as wide as the roads of its site. Terrain around
-// a site is up to about ten times as wide.
+// A surface is suspicious if it is more than this number of times as wide as its site's roads.
+// Terrain around a site is up to about ten times as wide.
 constexpr double kMostRoads = 20;
-constexpr double kLeastRoads_m = 250;  // roads of short sites count as this wide
+constexpr double kLeastRoads_m = 250;  // minimum extent of roads in the comparison with a surface
 constexpr double kMostRelief_m = 1000;
 constexpr double kTallest_m = 300;  // maximum height of surfaces that are taller than wide
 

@@ -13,9 +13,9 @@ namespace {
 
 using config::number_text;
 
-constexpr double kPeopleBeside_m = 1.2;  // free width needed on each side of the line
-constexpr double kPeopleHeight_m = 2.5;  // free height needed over the line
-constexpr double kPeopleStep_m = 2;      // length of the boxes in which the line is checked
+constexpr double kPeopleBeside_m = 1.2;  // free width needed on each side of a line of people
+constexpr double kPeopleHeight_m = 2.5;  // free height needed over a line of people
+constexpr double kPeopleStep_m = 2;      // length of the boxes in which a line is checked
 
 class ObstacleRules {
  public:

@@ -35,7 +35,8 @@ class OutlineIndex {
  private:
   static constexpr double kSquare = 8;  // m, side of a square of the grid
 
-  /// Calls `stop(key)` for each square; returns true as soon as `stop` does.
+  /// Calls `stop(key)` for each square that the outline's bounding box touches. Returns true as
+  /// soon as `stop` returns true.
   template <class Stop>
   static bool for_each_square(std::span<const Vec2> outline, const Stop& stop) {
     const auto [left, right] = std::ranges::minmax(outline, {}, &Vec2::x);

@@ -7,7 +7,7 @@ namespace infrasim {
 
 namespace {
 
-/// The extent of an object for the sweep.
+/// Footprint and bounding rectangle of an object, for a sweep along one axis.
 struct Extent {
   int id = 0;
   Box3d box;
@@ -32,8 +32,8 @@ double reach(const Box3d& box, Vec3 direction) {
   return along({box.dx / 2, 0, 0}) + along({0, box.dy / 2, 0}) + along({0, 0, box.dz / 2});
 }
 
-/// Returns whether one object is above the other, so that the up axis of one of them separates
-/// them.
+/// Returns whether one object is above the other, so that the up axis of one box separates both
+/// boxes.
 bool one_over_other(const Box3d& a, const Box3d& b) {
   return std::ranges::any_of(std::array{a, b}, [&](const Box3d& box) {
     const Vec3 up = rotation(box.heading, box.pitch, 0) * Vec3{0, 0, 1};
@@ -48,8 +48,8 @@ bool overlap(const Extent& a, const Extent& b) {
   return footprints_overlap(a.outline, b.outline) && !one_over_other(a.box, b.box);
 }
 
-/// Returns the axis along which the objects cover the larger extent. Fewer objects overlap along
-/// it.
+/// Returns the axis along which the objects cover the larger extent. Along this axis, fewer extents
+/// overlap.
 double Vec2::* longer_axis(const std::vector<Extent>& extents) {
   const auto spread = [&](double Vec2::* axis) {
     const auto at = [&](const Extent& e) { return e.low.*axis; };

@@ -15,14 +15,14 @@ struct Overlap {
   int first_id = 0;  ///< the smaller id
   int second_id = 0;
   double time_s = 0;
-  Vec2 place;  ///< half way between their centres, world frame
+  Vec2 place;  ///< half way between the centres of the objects, world frame
 };
 
-/// Finds overlapping objects at each instant and half way between two instants. Two oriented boxes
-/// are tested with separating axes in the plane, and by their heights.
+/// Finds overlapping objects at each instant and half way between two instants. The footprints of
+/// two boxes are tested with separating axes, and then the heights of the boxes.
 class OverlapSearch {
  public:
-  /// Adds the objects of the next instant, 0.1 s after the last one.
+  /// Adds the objects of the next instant, 0.1 s after the previous one.
   void take(const std::vector<ObjectState>& states);
 
   /// Returns each overlapping pair once, with the time and position of the first overlap. The pairs

@@ -12,11 +12,12 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kAside_m = 0.15;  // maximum lateral offset of a vehicle from its row, nominal
-constexpr double kAskew_deg = 2;   // maximum rotation from the row's direction
+constexpr double kAside_m = 0.15;  // assumed maximum lateral offset of a vehicle from its row
+constexpr double kAskew_deg = 2;   // maximum rotation of a vehicle from its row's direction
 constexpr std::size_t kMost =
-    2'000;  // maximum number per scene, because each vehicle is processed in every frame
-constexpr unsigned kAfterParkedSize = 7;  // first sample after those of class and size
+    2'000;  // maximum number of vehicles per scene, because each is processed in every frame
+// number of the first random sample after those of class and size
+constexpr unsigned kAfterParkedSize = 7;
 
 /// The line through the centres of a row's vehicles.
 Curve line_of(const Curve& whole, const ParkedConfig& row) {

@@ -9,9 +9,10 @@
 
 namespace infrasim {
 
-inline constexpr int kFirstParkedId = 1'000'000'000;  ///< larger than the ids of traffic
+/// smallest id of parked vehicles, larger than the ids of traffic
+inline constexpr int kFirstParkedId = 1'000'000'000;
 
-/// A vehicle parked for the whole run, and the position of its row in the file.
+/// A vehicle parked for the whole run, and the position of its entry in the scene file.
 struct ParkedVehicle {
   ObjectState state;
   config::Place place;
@@ -19,11 +20,10 @@ struct ParkedVehicle {
 
 /// All parked vehicles of a scene, by increasing id, sampled from its seed. Each row is filled from
 /// one end to the other with gaps of 0.6 to 1.4 times the mean. Some spaces stay empty. Vehicles
-/// parallel to the road face in the direction of the centreline on its right, and in the opposite
-/// direction on its left, even on a one-way road. Half of the vehicles at an angle are parked
-/// backwards.
+/// parallel to the road face along the centreline on the right side of the road, and against it on
+/// the left side, even on a one-way road. Half of the vehicles at an angle are parked backwards.
 /// @param centrelines centrelines of the scene's roads
-/// @throws ConfigError for a row of an unknown road, beyond its end, or with too many vehicles
+/// @throws ConfigError for a row on an unknown road, beyond a road's end, or with too many vehicles
 std::vector<ParkedVehicle> parked_vehicles(const SceneConfig& scene,
                                            std::span<const Curve> centrelines);
 

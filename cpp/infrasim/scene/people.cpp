@@ -11,15 +11,17 @@ namespace infrasim {
 namespace {
 
 constexpr int kMostPeople =
-    1'000;  // maximum number per scene, because each person is processed in every frame
-constexpr double kOffLine_m = 0.1;  // maximum lateral offset from the line, nominal
+    1'000;  // maximum number of people per scene, because each is processed in every frame
+constexpr double kOffLine_m = 0.1;  // assumed maximum lateral offset of a person from the line
 constexpr double kApart_m =
-    0.5;  // free gap between two people who pass each other, without their offsets
-constexpr double kAhead_m = 0.4;  // free length along the line before two people come closer again
-constexpr double kMakesWay_s = 1.5;  // duration of a lateral step, nominal
+    0.5;  // free gap between two people who pass each other, without their offsets from the line
+// free length along the line up to which two people have their full lateral gap
+constexpr double kAhead_m = 0.4;
+constexpr double kMakesWay_s = 1.5;  // assumed duration of a lateral step
 constexpr double kShortestWay =
     3;  // minimum length of a lateral step, in body lengths, for almost equal speeds
-constexpr unsigned kAfterPersonSize = 7;  // first sample after those of the size
+// number of the first random sample after those of the size
+constexpr unsigned kAfterPersonSize = 7;
 
 double fastest_of(const PersonSpeedConfig& speed) {
   return (speed.mean_km_h + 2 * speed.std_km_h) / 3.6;
@@ -31,14 +33,14 @@ const ObjectClass& object_class_of(PersonKind kind) {
 
 }  // namespace
 
-/// Position and direction of a person on the line.
+/// Position and velocity of a person at one instant.
 struct PeopleRow::Walk {
   const Person* person = nullptr;
   int number = 0;
   int lap = 0;
-  double s = 0;         ///< station of the line, possibly beyond its ends
-  double velocity = 0;  ///< velocity along the line
-  double left = 0;      ///< offset to the left of the line
+  double s = 0;         ///< position along the line, m; possibly beyond its ends
+  double velocity = 0;  ///< velocity along the line, m/s
+  double left = 0;      ///< offset to the left of the line, m
 };
 
 Curve people_line(const Curve& centreline, const PeopleConfig& row) {
@@ -89,11 +91,11 @@ std::vector<PeopleRow::Walk> PeopleRow::walks_at(double time_s) const {
 namespace {
 
 /// Returns the sort key of a person in the order from right to left, seen along the line. People
-/// who move along the line are on the right, the faster ones further left. People who move in the
-/// opposite direction are on the left, the slower ones further left. Everybody therefore keeps to
-/// the right in their own direction, and faster people pass on the inner side.
+/// who move along the line are on the right, with faster people further left. People who move in
+/// the opposite direction are on the left, with slower people further left. Everybody therefore
+/// keeps to the right in their own direction, and faster people pass on the inner side.
 double order_of(double velocity) {
-  constexpr double kBeyondAll = 1'000;  // m/s
+  constexpr double kBeyondAll = 1'000;  // m/s, larger than all speeds
   return velocity > 0 ? velocity : kBeyondAll + velocity;
 }
 
@@ -108,18 +110,20 @@ double smooth(double u) {
 /// Two people who are near each other, ordered from the right.
 struct PeopleRow::Gap {
   std::size_t right, left;
-  double apart = 0;  ///< required lateral distance, without the offsets from the line
-  double near = 0;   ///< 1 while they pass each other, falling to 0 at a larger distance
+  /// required lateral distance of the two people, without their offsets from the line
+  double apart = 0;
+  /// 1 while the two people pass each other, falling to 0 at a larger distance
+  double near = 0;
 };
 
-/// Returns the weight with which other people avoid a person. It is 1 on the line and falls to 0
-/// where people appear and disappear.
+/// Returns the weight with which other people avoid a person. The weight is 1 on the line and falls
+/// to 0 at the ends of the line's extensions.
 double PeopleRow::share(const Walk& walk) const {
   return smooth(1 + std::min(walk.s, line_.length() - walk.s) / beyond_m_);
 }
 
-/// Returns the gaps of all pairs who are near each other. `walks` is sorted by station. `place` is
-/// each person's rank in the order from the right.
+/// Returns the gaps of all pairs of people who are near each other. `walks` is sorted by station.
+/// `place` is each person's rank in the order from the right.
 std::vector<PeopleRow::Gap> PeopleRow::gaps(const std::vector<Walk>& walks,
                                             const std::vector<std::size_t>& place) const {
   std::vector<Gap> out;
@@ -207,10 +211,12 @@ std::vector<ObjectState> People::at(double time_s) const {
 namespace {
 
 // Group members stand on a Fermat spiral, whose points fill a disc evenly (Vogel 1979).
-constexpr double kGoldenAngle = 2.399963229728653;  // rad
-constexpr double kSpiral = 0.58;  // radius of the spiral's first turn, relative to the mean spacing
-constexpr double kOffSpiral = 0.05;  // maximum offset from the spiral, relative to the mean spacing
-constexpr double kBody_m = 0.6;      // half the diagonal of the largest pedestrian
+constexpr double kGoldenAngle = 2.399963229728653;  // rad, angle between consecutive members
+// radius of member i, relative to sqrt(i + 0.5) times the mean spacing
+constexpr double kSpiral = 0.58;
+// maximum offset of a member from the spiral, relative to the mean spacing
+constexpr double kOffSpiral = 0.05;
+constexpr double kBody_m = 0.6;  // upper limit of half the diagonal of a pedestrian's footprint
 
 }  // namespace
 

@@ -11,8 +11,9 @@
 
 namespace infrasim {
 
-inline constexpr int kFirstPersonId = 1'500'000'000;  ///< larger than the ids of parked vehicles
-/// larger than the ids of walking pedestrians and cyclists
+/// smallest id of walking people, larger than the ids of parked vehicles
+inline constexpr int kFirstPersonId = 1'500'000'000;
+/// smallest id of standing people, larger than the ids of walking pedestrians and cyclists
 inline constexpr int kFirstStandingPersonId = 2'000'000'000;
 
 /// The line of a row of pedestrians or cyclists, from one end to the other.
@@ -23,23 +24,24 @@ Curve people_line(const Curve& centreline, const PeopleConfig& row);
 /// Radius of the circle that contains the bodies of a standing group.
 double radius_of(const StandingPeopleConfig& group);
 
-/// The standing pedestrians of all groups, sampled from the scene's seed, on a level road.
+/// The standing pedestrians of all groups, sampled from the scene's seed. Their heights do not
+/// include the profile.
 /// @throws ConfigError for more people than a scene may have
 std::vector<ObjectState> standing_people(const SceneConfig& scene);
 
-/// A pedestrian or cyclist of a row, at all times.
+/// The properties of a pedestrian or cyclist of a row that are constant in time.
 struct Person {
   VehicleSize size;
-  double start_m = 0;    ///< position at t = 0 in its direction of movement
-  double speed_m_s = 0;  ///< constant
-  bool back = false;     ///< moves against the direction of the line
-  double aside_m = 0;    ///< offset to the left of the line while nobody is near
+  double start_m = 0;  ///< position on the path at t = 0, in the person's direction of movement
+  double speed_m_s = 0;
+  bool back = false;   ///< whether the person moves against the direction of the line
+  double aside_m = 0;  ///< offset to the left of the line while nobody is near
 };
 
 /// The pedestrians or cyclists of a row. They circulate on their line, which is extended at both
-/// ends. They appear and disappear on the extensions, which are not simulated. A person who meets
-/// or overtakes another one steps aside without turning, and then returns to the line. All
-/// positions are functions of time only.
+/// ends. People on the extensions are not objects of the scene. A person who meets or overtakes
+/// another one steps aside without turning, and then returns to the line. All positions are
+/// functions of time only.
 class PeopleRow {
  public:
   /// @throws the exceptions of people_line

@@ -24,8 +24,8 @@ Facets facets_of(Detail detail) {
   }
 }
 
-// Dimensions in metres of an adult of 1.77 m, and of a cyclist with a 28 inch bicycle, head at 1.67
-// m (nominal).
+// Assumed dimensions, in metres, of an adult of 1.77 m, and of a cyclist of 1.67 m on a 28-inch
+// bicycle.
 constexpr Ellipsoid kHead{{0, 0, 1.645}, {.10, .085, .125}};
 constexpr Ellipsoid kTrunk{{0, 0, 1.16}, {.12, .19, .37}};
 constexpr Ellipsoid kLeftArm{{-.10, .275, 1.11}, {.05, .05, .34}, .12};

@@ -10,8 +10,8 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kOff_m = 0.01;  // maximum deviation of a triangle's edge from the slope
-// wheelbase over length: 0.57 to 0.62 for cars, less for trucks and buses
+constexpr double kOff_m = 0.01;  // maximum deviation of a triangle's edge from the profile
+// wheelbase divided by vehicle length: 0.57 to 0.62 for cars, less for trucks and buses
 constexpr double kWheelbase = 0.6;
 
 }  // namespace
@@ -50,8 +50,8 @@ double Profile::station(Vec2 place) const { return dot(place - origin_, axis_); 
 double Profile::rise(Vec2 place) const { return rise_at(station(place)); }
 
 /// Returns the length of an edge along the profile if the edge must be cut, otherwise 0. A chord
-/// deviates by at most a quarter of its length times the change of grade along it. Parts of the
-/// edge deviate less, so the cutting ends.
+/// deviates from the profile by at most a quarter of its length times the change of grade over this
+/// length. Parts of the edge deviate less, so the cutting ends.
 double Profile::bent(Vec3 from, Vec3 to) const {
   const auto [a, b] = std::minmax({station({from.x, from.y}), station({to.x, to.y})});
   double turned = 0;
@@ -92,7 +92,7 @@ void Profile::lift(Surface& surface) const {
   for (Vec3& v : surface.vertices) v.z += rise({v.x, v.y});
 }
 
-/// Puts a box on the slope. Its centre is over the chord between the axles.
+/// Puts a box on the slope. The centre of the box is over the middle of the line between the axles.
 Box3d Profile::on_slope(const Box3d& box) const {
   const Vec2 half = (kWheelbase * box.dx / 2) * heading_vector(box.heading);
   const Vec2 place{box.x, box.y};

@@ -14,13 +14,13 @@ struct Surface {
   std::vector<Vec3> vertices;
   std::vector<std::array<std::uint32_t, 3>> triangles;
   std::vector<std::uint16_t> class_id;
-  /// lowest and highest coordinates of each file of `meshes`, before the profile raises it
+  /// lowest and highest coordinates of each file of `meshes`, before the profile raises the mesh
   // NOLINTNEXTLINE(readability-redundant-member-init): GCC warns of initializers without it
   std::vector<std::array<Vec3, 2>> mesh_bounds = {};
 };
 
-/// The scene's rise as a function of position, in the world frame. Grades are constant between
-/// points, and a parabola rounds each change of grade, as in road design.
+/// The height that is added to the scene as a function of position, in the world frame. Grades are
+/// constant between points, and a parabola rounds each change of grade, as in road design.
 class Profile {
  public:
   /// The rise is zero everywhere if the scene has no profile.
@@ -30,7 +30,8 @@ class Profile {
   double rise(Vec2 place) const;
 
   /// Raises every vertex by the rise at its position. Triangles are cut until no edge is more than
-  /// a centimetre from the true surface. A common edge is cut at the same points in both triangles.
+  /// a centimetre from the true surface. An edge that two triangles share is cut at the same points
+  /// in both.
   void lift(Surface& surface) const;
   /// Puts vehicles and cyclists on the slope with the pitch of the slope under their wheels.
   /// Pedestrians stay upright.

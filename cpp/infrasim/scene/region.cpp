@@ -15,7 +15,7 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kRounding_m = 0.01;  // m, more than the rounding errors of a distance
+constexpr double kRounding_m = 0.01;  // m, larger than the rounding error of a distance
 
 }  // namespace
 
@@ -37,7 +37,7 @@ EvaluationRegion::EvaluationRegion(const Site& site, const MountConfig& mount)
   for (const std::optional<Ring>& ring : site.network.rings) {
     if (!ring) continue;
     Curve along = ring->line(foot);
-    const double station = along.length() / 2;  // station nearest to the foot
+    const double station = along.length() / 2;  // station of the point nearest to the foot
     add_road(ring->name, std::move(along), station, ring->elevation_m, ring->config.width_m / 2);
   }
   for (const LanePath& lane : site.lanes) {
@@ -74,7 +74,7 @@ void EvaluationRegion::add_road(const std::string& name, Curve along, double foo
 template <class Take>
 void EvaluationRegion::for_each_row(const Take& take) const {
   for (const RoadPart& road : roads_) {
-    const double first = std::ceil(std::max(-half_length_, -road.foot)) + 0.0;  // not -0
+    const double first = std::ceil(std::max(-half_length_, -road.foot)) + 0.0;  // turns -0 into 0
     const double last = std::min(half_length_, road.along.length() - road.foot);
     for (double s = first; s <= last; s += 1) {
       const CurvePoint p = road.along.at(road.foot + s);

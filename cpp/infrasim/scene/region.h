@@ -9,23 +9,24 @@
 
 namespace infrasim {
 
-/// width beside a carriageway in which pedestrians and cyclists also count
+/// width of the strip beside a carriageway in which pedestrians and cyclists are also evaluated
 inline constexpr double kFootways_m = 6;
 
-/// The evaluation region.
+/// The region in which objects are evaluated.
 ///
 /// If the scene has roads, the region is the carriageway of each road from -half length to +half
-/// length around the sensor's foot. A station s is 0 at the foot. It grows in the sensor's viewing
-/// direction, or in the direction of traffic on a roundabout's ring. If the scene has a lane file,
-/// the region is the parts of lanes within the half length of the foot. Each part is a separate
-/// road in the direction of traffic.
+/// length around the sensor's foot. The station s is 0 at the foot and grows in the sensor's
+/// viewing direction, or in the direction of traffic on a roundabout's ring. If the scene has a
+/// lane file, the region is the parts of lanes within the half length of the foot. Each part is a
+/// separate road in the direction of traffic.
 ///
 /// For pedestrians and cyclists the region is kFootways_m wider on each side. If the scene has
-/// `regions`, the evaluation region is only the part inside one of them.
+/// `regions`, the evaluation region is only the part inside these outlines.
 class EvaluationRegion {
  public:
   /// @param mount mount at whose foot the region is centred
-  /// @throws ConfigError if no lane is near, or no road or lane overlaps with `regions`
+  /// @throws ConfigError if no lane of the lane file is near, if two parts have the same name, or
+  ///   if no road or lane overlaps with `regions`
   EvaluationRegion(const Site& site, const MountConfig& mount);
 
   /// @param point centre of an object of the class, world frame
@@ -40,7 +41,7 @@ class EvaluationRegion {
  private:
   struct RoadPart {
     std::string name;
-    Curve along;  ///< centreline in the direction of the view
+    Curve along;  ///< centreline in the direction of increasing s
     double foot;  ///< station of the sensor's foot on `along`
     double elevation;
     double half_width;
@@ -51,7 +52,7 @@ class EvaluationRegion {
   void check_names(const SceneConfig& scene) const;
   void check_outlines(const SceneConfig& scene) const;
   bool in_outlines(Vec2 point) const;
-  /// Visits the rows, road by road, with increasing s.
+  /// Passes the rows of roads_csv to `take`, road by road, in order of increasing s.
   template <class Take>
   void for_each_row(const Take& take) const;
 

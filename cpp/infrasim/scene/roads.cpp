@@ -10,10 +10,10 @@ namespace infrasim {
 namespace {
 
 constexpr double kMostRoad =
-    100'000;  // m; longer roads only cost computing time, because rays end at 5 km
+    100'000;  // m, maximum total length; longer roads only cost time, because rays end at 5 km
 
-/// Returns the length of an arc's chords, which deviate from the arc by at most 0.8 mm. The length
-/// is 0.5 m for radii up to 40 m.
+/// Returns the length of an arc's chords. The length is 0.5 m for radii up to 40 m. The chords of
+/// larger arcs deviate from the arc by at most 0.8 mm.
 double arc_step(double radius) { return 0.5 * std::sqrt(std::max(1.0, radius / 40)); }
 
 void append_line(std::vector<CurvePoint>& samples, double length) {

@@ -9,7 +9,8 @@
 
 namespace infrasim {
 
-/// Distance from the centreline to the outer edge of the shoulder, and of the footway.
+/// Distance from a road's centreline to the outer edge of its shoulder (first function) or of its
+/// footway (second function).
 double carriageway_half_width(const LanesConfig& lanes);
 double outer_half_width(const LanesConfig& lanes);
 
@@ -18,7 +19,7 @@ double outer_half_width(const LanesConfig& lanes);
 Curve centreline(const RoadConfig& road);
 
 /// The centrelines of a scene's roads, in the order of the roads.
-/// @throws ConfigError if the roads are too long
+/// @throws ConfigError if all roads together are longer than 100 km
 std::vector<Curve> centrelines(const SceneConfig& scene);
 
 /// A road of a scene.
@@ -27,7 +28,7 @@ struct Road {
   const Curve& centreline;
 };
 
-/// Returns the road with a name.
+/// Returns the road that has the name `name`.
 /// @param centrelines centrelines of the scene's roads
 /// @param place       position of the entry that names the road
 /// @throws ConfigError if the name is unknown

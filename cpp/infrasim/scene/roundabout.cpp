@@ -7,7 +7,7 @@ namespace infrasim {
 namespace {
 
 constexpr double kFlareAngle =
-    kPi * 25 / 180;  // angle on the ring between an arm's lane and the entry or exit
+    kPi * 25 / 180;  // angle on the ring between an arm's lane and its entry or exit of the ring
 
 double polar(Vec2 centre, Vec2 point) {
   return math::atan2(point.y - centre.y, point.x - centre.x);

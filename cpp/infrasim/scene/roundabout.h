@@ -7,7 +7,7 @@
 
 namespace infrasim {
 
-inline constexpr double kRingShoulder_m = 0.5;  ///< width of the shoulder outside the lane
+inline constexpr double kRingShoulder_m = 0.5;  ///< width of the shoulder outside a ring's lane
 /// length of an approach, from its stop line to the ring
 inline constexpr double kRingFlare_m = 10;
 
@@ -18,7 +18,7 @@ struct Ring {
   double elevation_m = 0;
   RoundaboutConfig config;
 
-  /// Centreline of the lane, closed. It begins and ends on the side opposite to `near`.
+  /// Closed centreline of the ring's lane. The line begins and ends on the side opposite to `near`.
   Curve line(Vec2 near) const;
   /// Path from a stop line over the ring to an exit.
   Curve way(const CurvePoint& from, const CurvePoint& to) const;
@@ -27,11 +27,11 @@ struct Ring {
   /// Returns the length along the ring in the direction of traffic, between the points of the ring
   /// that are nearest to two positions.
   double along(Vec2 from, Vec2 to) const;
-  /// Whether a point is on the lane or the island.
+  /// Whether a point is on the roundabout's lane or island.
   bool holds(Vec2 point) const {
     return norm(point - centre) < config.radius_m + config.width_m / 2;
   }
-  /// Distance from the centre to the stop lines.
+  /// Distance from the ring's centre to the stop lines.
   double reach_m() const;
 };
 

@@ -81,8 +81,8 @@ std::optional<double> slope_over(const RoadConfig& road, double beside, double z
 }
 
 /// Returns the z coordinate of the surface that lies over the sensor. Returns no value if that
-/// surface is a bridge, or if no surface lies over or under the sensor and the sensor is higher
-/// than the lowest one.
+/// surface is a bridge. If no surface lies over or under the sensor, the lowest surface of the
+/// scene counts, unless the sensor is higher.
 std::optional<double> ground_over(const Site& site, const Sensor& sensor) {
   double lowest = kInf, over = kInf, under = -kInf;
   const auto meet = [&](bool here, double z) {
@@ -124,8 +124,8 @@ std::string what_holds(const Site& site, const Sensor& sensor) {
   return "";
 }
 
-/// Returns the z of the lane whose vehicles would hit the sensor; no value if there is none. The
-/// line between two lanes belongs to neither lane.
+/// Returns the z of the lane whose vehicles would hit the sensor; no value if there is no such
+/// lane. The line between two lanes belongs to neither lane.
 std::optional<double> lane_around(const Site& site, const Sensor& sensor) {
   const auto in_height = [&](double z) { return sensor.z > z && sensor.z < z + kClearance_m; };
   for (const Lane& lane : site.network.lanes)
@@ -136,9 +136,11 @@ std::optional<double> lane_around(const Site& site, const Sensor& sensor) {
   return std::nullopt;
 }
 
-constexpr double kHouse_m = 100;         // largest distance of a sensor from the walls around it
+// maximum distance of a sensor from the walls of a building around it
+constexpr double kHouse_m = 100;
 constexpr std::size_t kDirections = 16;  // number of directions in which walls are searched
-// minimum number of directions with a wall inside a building; one direction may have an opening
+// minimum number of directions with a wall if the sensor is in a building; one direction may have
+// an opening
 constexpr std::size_t kFewestWalls = 15;
 
 /// Surfaces of the meshes around a sensor. The height or distance of a missing surface is infinite.
@@ -147,14 +149,16 @@ struct MeshesAround {
   double under = -kInf;  ///< height of the highest road, footway or terrain below the sensor
   bool on_road = false;  ///< whether the surface at `under` is a road
   bool roof = false;     ///< whether a structure is above the sensor
-  std::array<double, kDirections> walls;  ///< distances of structures at the sensor's height
+  /// distance of the nearest structure in each direction, at the sensor's height
+  std::array<double, kDirections> walls;
 
   MeshesAround() { walls.fill(kInf); }
 };
 
 using Corners = std::array<Vec3, 3>;  // a triangle, relative to the sensor
 
-/// Returns the height of a triangle at the sensor's position; no value if it is beside it.
+/// Returns the height of a triangle at the sensor's position; no value if the triangle is beside
+/// the sensor.
 std::optional<double> height_over_foot(const Corners& t) {
   const double twice =
       cross(Vec2{t[1].x - t[0].x, t[1].y - t[0].y}, {t[2].x - t[0].x, t[2].y - t[0].y});
@@ -169,7 +173,8 @@ std::optional<double> height_over_foot(const Corners& t) {
   return height;
 }
 
-/// Cuts a triangle at the sensor's height, and shortens the distances of walls to the cut.
+/// Cuts a triangle at the sensor's height. In each direction that meets the cut, reduces the
+/// distance of the wall to that of the cut.
 void meet_walls(const Corners& t, std::array<double, kDirections>& walls) {
   std::array<Vec2, 3> cut;
   std::size_t n = 0;
@@ -182,7 +187,8 @@ void meet_walls(const Corners& t, std::array<double, kDirections>& walls) {
   if (n < 2) return;
   const Vec2 edge = cut[1] - cut[0];
   for (std::size_t i = 0; i < kDirections; ++i) {
-    // Walls are often along the axes. A turned fan of directions rarely meets their corners.
+    // Walls are often parallel to the axes. Directions turned by 0.1 rad rarely hit the corners of
+    // such walls.
     const Vec2 ray = heading_vector(0.1 + 2 * kPi * static_cast<double>(i) / kDirections);
     const double side = cross(ray, cut[0]), other = cross(ray, cut[1]);
     if ((side < 0) == (other < 0)) continue;
@@ -213,8 +219,8 @@ MeshesAround meshes_around(const Surface& surface, Vec3 place) {
   return around;
 }
 
-/// Returns whether a building encloses the sensor: a roof is above it, walls are around it, and it
-/// is not over a road, as in a tunnel or below a bridge.
+/// Returns whether a building encloses the sensor: a roof is above the sensor, walls are around it,
+/// and no road is below it. In a tunnel or under a bridge, a road is below the sensor.
 bool in_building(const MeshesAround& around) {
   const auto walls = std::ranges::count_if(around.walls, [](double m) { return m < kHouse_m; });
   return around.roof && !around.on_road && static_cast<std::size_t>(walls) >= kFewestWalls;

@@ -9,15 +9,16 @@
 namespace infrasim {
 
 /// @throws ConfigError for a sensor inside the ground or an object, in the path of vehicles on a
-///   lane, or too far from all roads and objects
+///   lane, or too far from or too high above all roads, lanes and ground
 void check_sensor(const Site& site);
 /// Like check_sensor, for a mount that need not be in the site's scene.
 /// @throws the exceptions of check_sensor
 void check_sensor_at(const Site& site, const std::string& name, const MountConfig& mount);
 
-/// Returns the height of a point above the highest road, lane or ground below it. If there are only
-/// higher surfaces, the height is relative to the lowest surface. Without any surface it is
-/// infinite. All heights are those of the scene file, before the profile raises the scene.
+/// Returns the height of a point above the highest road, lane or ground that lies below it within
+/// 50 m. Without such a surface, the height is relative to the lowest surface of the scene. If the
+/// scene has no surface, the height is infinite. All heights are those of the scene file, before
+/// the profile raises the scene.
 double height_above_surface(const Site& site, Vec2 foot, double z);
 
 /// @param surface the site's static surface

@@ -12,14 +12,14 @@
 
 namespace infrasim {
 
-/// All objects that are derived from a scene, except its mounts. A site is built once. The rules,
-/// the meshes, the evaluation region and the traffic use it. Positions are in the world frame,
-/// before the profile raises them.
+/// The roads, lanes and static objects of a scene. A site is built once. The checks, the meshes,
+/// the evaluation region and the traffic use it. Positions are in the world frame, before the
+/// profile raises them.
 struct Site {
   SceneConfig scene;
   Profile profile;
-  std::vector<LanePath> lanes;               ///< lanes from the file of `lanes`
-  std::vector<Curve> centrelines;            ///< one per road
+  std::vector<LanePath> lanes;               ///< lanes from the file that the key `lanes` names
+  std::vector<Curve> centrelines;            ///< centreline of each road
   LaneNetwork network;                       ///< lanes of the roads
   std::vector<StaticBox> boxes;              ///< buildings, gantries, trunks
   std::vector<std::vector<Box3d>> barriers;  ///< the pieces of each barrier
@@ -27,8 +27,8 @@ struct Site {
   std::vector<ParkedVehicle> parked;
 };
 
-/// @throws IoError for the file of `lanes`; ConfigError if roads, junctions or roadside objects do
-///   not fit each other
+/// @throws IoError if the file of `lanes` can't be read, ConfigError if roads, junctions or
+///   roadside objects contradict each other
 Site build_site(const SceneConfig& scene);
 
 }  // namespace infrasim

@@ -18,9 +18,9 @@ using config::number_text;
 // m, minimum distance between two roads; nearer roads count as touching
 constexpr double kApart = 0.01;
 constexpr double kLeastDepth = 0.001;  // m, minimum depth of the ground below a road
-constexpr int kSlopeSteps = 16;        // number of strips in which a slope is checked
+constexpr int kSlopeSteps = 16;        // number of strips into which a slope is divided
 constexpr double kMostVehicles =
-    5'000;  // maximum number in traffic: a gigabyte of trajectories in 500 s
+    5'000;  // maximum number of vehicles; their states in 500 s need 2 GB
 
 class RoadRules {
  public:
@@ -125,7 +125,7 @@ class RoadRules {
     }
   }
 
-  /// Checks the slopes of a road in narrow strips, because the height differs between strips.
+  /// Checks the slopes of a road in narrow strips, because the height changes across a slope.
   void check_slopes(std::size_t i) const {
     const RoadConfig& road = site_.scene.roads[i];
     if (!road.embankment) return;

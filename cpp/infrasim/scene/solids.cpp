@@ -15,7 +15,8 @@ std::uint32_t add_vertex(TriangleMesh& mesh, Vec3 p) {
   return static_cast<std::uint32_t>(mesh.vertices.size() - 1);
 }
 
-/// Adds the band between two closed lines of n vertices each, which begin at a and b.
+/// Adds the triangles between two closed lines of n vertices each. The lines begin at the vertices
+/// a and b.
 void join(TriangleMesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t n) {
   for (std::uint32_t i = 0; i < n; ++i) {
     const std::uint32_t j = (i + 1) % n;
@@ -27,8 +28,8 @@ void join(TriangleMesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t n)
 }  // namespace
 
 void add_ellipsoid(TriangleMesh& mesh, const Ellipsoid& e, int bands, int sectors) {
-  // Area of the polygon relative to a half circle, and mean width of the polygon relative to a
-  // circle.
+  // `tall` is the area of a polygon in a half circle, relative to the half circle. `round` is the
+  // mean width of a polygon in a circle, relative to the circle.
   const double tall = bands * math::sin(kPi / bands) / kPi;
   const double round = sectors * math::sin(kPi / sectors) / kPi;
   const double wide = 1 / (tall * round);

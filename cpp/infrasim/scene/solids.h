@@ -8,16 +8,16 @@
 
 namespace infrasim {
 
-/// An upright ellipsoid, metres. `lean` shifts its top forwards and its bottom backwards by this
-/// length.
+/// An upright ellipsoid, metres. `lean` is the length by which its top is shifted forwards and its
+/// bottom backwards.
 struct Ellipsoid {
   Vec3 centre;
   Vec3 radii;
   double lean = 0;
 };
 
-/// Adds an ellipsoid with `bands` from pole to pole and `sectors` around the axis. It is slightly
-/// enlarged, so that on average it hides the same area as the exact ellipsoid.
+/// Adds an ellipsoid with `bands` from pole to pole and `sectors` around the axis. The ellipsoid is
+/// slightly enlarged, so that on average it hides the same area as the exact ellipsoid.
 void add_ellipsoid(TriangleMesh& mesh, const Ellipsoid& e, int bands, int sectors);
 
 /// Adds the rim and tyre of a wheel, upright and along x: a ring with a triangular section.

@@ -33,7 +33,7 @@ Trajectories load_recorded(const SceneConfig& scene) {
   return trajectories;
 }
 
-/// Removes the objects from all rows that have the same state in each, and returns their states.
+/// Removes the objects that have the same state in all rows, and returns these states.
 std::vector<ObjectState> take_standing(std::vector<std::vector<ObjectState>>& rows) {
   std::vector<ObjectState> standing = rows.front();
   const auto has = [](const std::vector<ObjectState>& states, const ObjectState& s) {

@@ -18,7 +18,7 @@ class StateSteps;
 class StateSource {
  public:
   /// @param site must outlive this object
-  /// @throws ConfigError, IoError for the file of trajectories
+  /// @throws ConfigError, IoError if the trajectory file has an error or can't be read
   explicit StateSource(const Site& site);
 
   /// Objects that stand during the whole scene, by increasing id: recorded vehicles, parked
@@ -28,7 +28,7 @@ class StateSource {
   bool pitched() const { return site_.scene.profile || (recorded_ && recorded_->pitched); }
   /// Passes the states of all instants to `sink`.
   void each(const StateSink& sink) const;
-  /// Like the function above, but stops after `instants` instants.
+  /// Passes the states of the first `instants` instants to `sink`.
   void each(const StateSink& sink, int instants) const;
 
  private:
@@ -38,7 +38,7 @@ class StateSource {
   std::vector<ObjectState> standing_;
 };
 
-/// Computes the instants of a source one by one, on request.
+/// Computes the states of a source instant by instant, on request.
 class StateSteps {
  public:
   /// @param source must outlive this object

@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kLegWidth = 0.4;    // m, width of a gantry's leg
 constexpr double kBeamHeight = 1.0;  // m, height of a gantry's beam
-constexpr double kLegGap = 0.5;      // m between the carriageway and a gantry's leg
+constexpr double kLegGap = 0.5;      // m, distance from the carriageway to a gantry's leg
 
 }  // namespace
 

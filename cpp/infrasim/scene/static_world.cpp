@@ -10,7 +10,7 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kKerbRun = 0.15;  // m, from the lower to the upper edge of a roundabout's island
+constexpr double kKerbRun = 0.15;  // m, width of the kerb around a roundabout's island
 
 class MeshBuilder {
  public:

@@ -17,7 +17,7 @@ struct LevelPose {
 LevelPose level_pose(const MountConfig& mount);
 
 inline constexpr double kSidewalkDrop =
-    0.01;  ///< metres below the road, so that crossing roads lie above it
+    0.01;  ///< depth of a footway below its road, m; crossing roads lie above the footway
 
 /// All static surfaces, raised by the profile; world frame.
 /// @throws IoError, ConfigError for a file of `meshes`

@@ -11,14 +11,14 @@
 
 namespace infrasim {
 
-inline constexpr double kStripLength_m = 2;  ///< maximum length of a strip
+inline constexpr double kStripLength_m = 2;  ///< maximum length of a strip along its line
 
 /// A piece of a road, lane or slope between two stations of its line.
 struct Strip {
-  std::array<Vec2, 4> outline;  ///< counter-clockwise
+  std::array<Vec2, 4> outline;  ///< corners, counter-clockwise
   double from = 0;
   double to = 0;
-  std::size_t of = 0;  ///< index of the road or lane
+  std::size_t of = 0;  ///< index of the strip's road or lane
 
   Vec2 middle() const { return 0.5 * (outline[0] + outline[2]); }
 };

@@ -7,7 +7,7 @@
 
 namespace infrasim {
 
-/// Simulates vehicles on the lanes of a scene from a warm start, with signals and the Intelligent
+/// Simulates vehicles on the lanes of a scene after a warm-up, with signals and the Intelligent
 /// Driver Model (Treiber, Hennecke, Helbing 2000). The number of vehicles is constant and follows
 /// from the density. When a vehicle leaves at the end of a lane, a new one appears at an entry.
 /// Vehicles do not change lanes. Two points of each vehicle follow the lane, so that a long vehicle
@@ -33,7 +33,7 @@ class TrafficSteps {
 /// Simulates the traffic for the scene's duration; passes the vehicles of each instant to `sink`.
 /// @throws ConfigError if vehicles of a class do not fit the lanes
 void simulate_traffic(const Site& site, const StateSink& sink);
-/// Like the function above, but returns all rows.
+/// Simulates the traffic for the scene's duration and returns the vehicles of all instants.
 Trajectories simulate_traffic(const Site& site);
 
 }  // namespace infrasim

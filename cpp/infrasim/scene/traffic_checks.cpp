@@ -14,11 +14,12 @@ namespace {
 // The rules of simulated traffic prevent overlaps. Therefore only its first minute is tested for
 // overlaps, as in `infrasim check --traffic`.
 constexpr int kSimulatedInstants = 601;
-constexpr int kHeightEvery = 10;      // number of instants between two tests of a vehicle's height
-constexpr double kOffLane_m = 1;      // largest plausible height of a vehicle above its lane
+constexpr int kHeightEvery = 10;  // number of instants between two tests of a vehicle's height
+// maximum plausible height of a vehicle above or below its lane
+constexpr double kOffLane_m = 1;
 constexpr double kMovement_m = 0.5;   // minimum movement from which a direction is derived
-constexpr double kSideways_deg = 30;  // largest plausible angle between heading and movement
-constexpr int kFewestMovements = 4;   // minimum number of movements for a finding
+constexpr double kSideways_deg = 30;  // maximum plausible angle between heading and movement
+constexpr int kFewestMovements = 4;   // minimum number of movements for a warning
 
 std::string rounded_text(double value) {
   return config::number_text(std::round(value * 100) / 100);
@@ -28,7 +29,7 @@ std::string time_and_place(int instant, Vec2 place) {
   return rounded_text(instant * kRowStep_s) + " s, " + at_text(place);
 }
 
-/// Returns the part "N of M vehicles".
+/// Returns the text "N of M vehicles" of a message.
 std::string share_text(std::size_t count, std::size_t of) {
   return std::to_string(count) + " of " + std::to_string(of) + " vehicles";
 }

@@ -10,7 +10,7 @@
 
 namespace infrasim {
 
-/// Describes the first overlap, with the number of all pairs.
+/// Returns a text about the first overlap, with the number of all overlapping pairs.
 std::string overlap_text(const std::vector<Overlap>& overlaps);
 
 /// Finds implausible objects of a scene, one instant after the other. No objects may overlap.
@@ -24,18 +24,19 @@ class TrafficChecks {
   /// Adds the states of the next instant.
   void take(const std::vector<ObjectState>& states);
 
-  /// Returns one line for each kind of finding.
+  /// Returns one line of text for each kind of implausible object that was found.
   std::vector<std::string> warnings() const;
 
  private:
-  /// A recorded vehicle.
+  /// The test results of one recorded vehicle.
   struct Track {
-    Box3d last;  ///< where the last movement ended
+    Box3d last;  ///< box at the end of the last movement
     int movements = 0, sideways = 0;
-    bool wide = false;   ///< wider than long
+    bool wide = false;   ///< whether the vehicle is wider than long
     int sampled = -1;    ///< instant at which the height was last tested
-    double above_m = 0;  ///< height above its lane at the instant `first_off`
-    int first_off = -1;  ///< first instant at which it was off the height of its lane; -1: none
+    double above_m = 0;  ///< height above the lane at the instant `first_off`
+    /// first instant at which the vehicle was too far above or below its lane; -1: none
+    int first_off = -1;
     int first_sideways = -1;
     Vec2 off_at, sideways_at;
   };
@@ -48,7 +49,7 @@ class TrafficChecks {
   const Site& site_;
   OverlapSearch overlaps_;
   StripIndex strips_;
-  std::vector<double> levels_;  ///< z of each strip, by Strip::of
+  std::vector<double> levels_;  ///< z of the lane at each strip, indexed by Strip::of
   int instant_ = 0;
   std::map<int, Track> tracks_;
 };

@@ -12,7 +12,7 @@ namespace infrasim {
 
 namespace {
 
-// m, maximum offset of a driver from the lane's centre; it is constant in time
+// m, maximum offset of a vehicle from the lane's centre; the offset is constant in time
 constexpr double kMaxLateral = 0.3;
 
 /// Returns the distance between the centres of two vehicles in a queue.
@@ -98,7 +98,7 @@ void TrafficPopulation::check_fits(const ObjectClass& row) const {
 }
 
 /// Makes a vehicle narrower and moves it to the lane's centre, if it would otherwise leave its lane
-/// in the scene's tightest bend. Another long vehicle may be beside it there.
+/// in the scene's tightest bend. In the bend, another long vehicle may be on the next lane.
 void TrafficPopulation::fit_lanes(Vehicle& v) const {
   const double beside = half_width_in_bend(v, tightest_radius_, 0) - v.dy / 2;
   v.dy = std::min(v.dy, narrowest_m_ - 2 * beside);

@@ -8,7 +8,7 @@
 
 namespace infrasim {
 
-/// Puts vehicles on the lanes and keeps their number at the density.
+/// Puts vehicles on the lanes and keeps their number constant.
 class TrafficPopulation {
  public:
   /// @param state must outlive this object
@@ -33,8 +33,9 @@ class TrafficPopulation {
   TrafficState& state_;
   Rng rng_;
   std::vector<int> entries_;
-  double tightest_radius_ = kInf;  ///< metres; minimum over the lanes, without turns at junctions
-  double narrowest_m_ = kInf;      ///< width of the narrowest lane
+  /// minimum radius of all lanes, metres, without turns at junctions and roundabouts
+  double tightest_radius_ = kInf;
+  double narrowest_m_ = kInf;  ///< width of the narrowest lane
   double density_carry_ = 0;
   std::size_t waiting_ = 0;
   std::uint64_t spawn_draws_ = 0;

@@ -50,8 +50,8 @@ bool TrafficSignals::is_green(int approach) const {
   return signal.green && signal.approaches[signal.current] == approach;
 }
 
-/// Returns whether a vehicle may enter a roundabout. It must give way to vehicles that would have
-/// to brake, but not to vehicles that entered before it from the same arm.
+/// Returns whether a vehicle may enter a roundabout. The vehicle must give way to vehicles that
+/// would have to brake, but not to vehicles that entered earlier from the same arm.
 bool TrafficSignals::has_gap(const TrafficState& state, int approach) const {
   const Curve& lane = network_.lanes[arms_[approach].lanes.front()].curve;
   const Vec2 end = lane.at(lane.length()).position;
@@ -66,8 +66,8 @@ bool TrafficSignals::has_gap(const TrafficState& state, int approach) const {
   return free;
 }
 
-/// Returns whether a junction is empty. It is not empty if a vehicle is inside, is about to enter,
-/// or is leaving with its tail still inside. Other junctions are ignored.
+/// Returns whether a junction is empty. A junction is not empty if a vehicle is inside, is about to
+/// enter, or is leaving with its tail still inside.
 bool TrafficSignals::is_clear(const TrafficState& state, int junction) {
   for (const int i : state.near[junction]) {
     const Lane& lane = state.network.lanes[i];

@@ -42,8 +42,8 @@ class TrafficSignals {
   bool has_gap(const TrafficState& state, int approach) const;
 
   const LaneNetwork& network_;
-  std::vector<Signal> signals_;  ///< one per junction
-  std::vector<Arm> arms_;        ///< one per approach
+  std::vector<Signal> signals_;  ///< signals of each junction
+  std::vector<Arm> arms_;        ///< lanes of each approach
 };
 
 }  // namespace infrasim

@@ -9,7 +9,8 @@ namespace infrasim {
 
 namespace {
 
-/// Returns the junction that a lane is inside of, leads to or starts at; -1 if there is none.
+/// Returns the junction that contains a lane, or at which the lane ends or starts; -1 if there is
+/// none.
 int junction_near(const LaneNetwork& network, const Lane& lane) {
   if (lane.approach >= 0) return network.approach_junctions[lane.approach];
   return std::max(lane.junction, lane.leaves);

@@ -14,7 +14,7 @@ struct Vehicle {
   const ObjectClass* object_class = nullptr;
   double dx = 0, dy = 0, dz = 0;
   double desired_speed = 0;
-  double lateral = 0;      ///< offset of the driver from the lane's centre
+  double lateral = 0;      ///< offset to the left of the lane's centre
   double turn_choice = 0;  ///< uniform sample that selects the turn at a junction
   int lane = 0;
   int last_lane = -1;
@@ -35,8 +35,8 @@ double half_width_in_bend(const Vehicle& v, double radius, double outwards);
 /// The vehicles on the lanes of a network.
 struct TrafficState {
   const LaneNetwork& network;
-  std::vector<std::deque<Vehicle>> lanes;  ///< vehicles of each lane, the one furthest ahead first
-  /// sorted indices of the lanes in, to and from each junction
+  std::vector<std::deque<Vehicle>> lanes;  ///< vehicles of each lane, in order from the front
+  /// sorted indices of the lanes inside, towards and away from each junction
   std::vector<std::vector<int>> near;
 
   explicit TrafficState(const LaneNetwork& network);
@@ -47,8 +47,8 @@ struct TrafficState {
   }
   double to_stop_line(const Vehicle& v) const { return lane_of(v).curve.length() - v.s - v.dx / 2; }
   Vec2 position(const Vehicle& v) const { return lane_of(v).curve.at(v.s).position; }
-  /// Returns whether a vehicle in a roundabout is entering the ring or is on it, and is not leaving
-  /// it.
+  /// Returns whether a vehicle in a roundabout is on the ring or is entering the ring. A vehicle
+  /// that is leaving the ring does not count.
   bool stays_on(const Ring& ring, const Vehicle& v) const {
     return ring.holds(position(v)) || v.s < lane_of(v).curve.length() / 2;
   }

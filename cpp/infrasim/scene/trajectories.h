@@ -12,19 +12,19 @@ namespace infrasim {
 
 inline constexpr double kRowStep_s = 0.1;  ///< time step of the trajectory rows
 
-/// Number of row steps in a duration. There is one row more.
+/// Number of time steps in a duration. The number of rows is larger by 1.
 inline int row_steps(double duration_s) {
   return static_cast<int>(std::llround(duration_s / kRowStep_s));
 }
 
-/// Number of whole frames of a period in a duration.
+/// Number of whole frame periods in a duration.
 inline int frame_count(double duration_s, double period_s) {
   constexpr double kTolerance = 1e-6;
   return static_cast<int>(row_steps(duration_s) * kRowStep_s / period_s + kTolerance);
 }
 
-/// Returns a time as a position in the rows: 2 is row 2, and 2.5 is between rows 2 and 3. A
-/// position within 1e-6 of a row is that row.
+/// Converts a time to a fractional row number: 2.5 is half way between rows 2 and 3. A number
+/// within 1e-6 of a whole number is rounded.
 double row_position(double time_s);
 
 /// One object at one instant. The position is that of the box's centre in the world frame.
@@ -44,7 +44,7 @@ struct MovingObject {
   Class object_class = Class::kCar;
   Box3d from;
   Box3d to;
-  double speed_m_s = 0;  ///< at the middle of the frame
+  double speed_m_s = 0;  ///< speed at the middle of the frame
 
   /// Returns the box at a share u of the frame, [0, 1].
   Box3d at(double u) const;
@@ -54,60 +54,63 @@ struct MovingObject {
 std::vector<MovingObject> objects_between(const std::vector<ObjectState>& before,
                                           const std::vector<ObjectState>& after);
 
-/// Returns row i of a table of instants.
+/// Function that returns the object states of row i.
 using RowOf = std::function<const std::vector<ObjectState>&(int)>;
-/// Returns the states at a position in the rows. They are those of a row, or they are interpolated
-/// in the two rows around the position and rounded. Objects must exist in both rows. Before the
-/// first and after the last row, objects continue with uniform motion.
+/// Returns the states at a fractional row number. Between two rows, the states are interpolated and
+/// rounded. Only objects that exist in both rows are included. Before the first and after the last
+/// row, objects continue with uniform motion.
 /// @param steps number of row steps, at least 1
 std::vector<ObjectState> states_at(double position, int steps, const RowOf& row);
-/// Returns the first and the last row that `states_at` needs for a position.
+/// Returns the first and the last row that `states_at` needs for a fractional row number.
 std::pair<int, int> rows_around(double position, int steps);
 
 /// All objects of a run: row k holds the states at 0.1 k seconds, by increasing id.
 struct Trajectories {
   std::vector<std::vector<ObjectState>> rows;
   bool pitched =
-      false;  ///< whether objects may have a pitch, so that their tables have a column for it
-  std::vector<bool> kept;  ///< which rows are present; if empty, all rows are present
-  /// objects that stand during the whole run, by increasing id; `rows` does not have them
+      false;  ///< whether objects may have a pitch, so that tables have a column for the pitch
+  /// whether each row is present; if the vector is empty, all rows are present
+  std::vector<bool> kept;
+  /// objects that stand during the whole run, by increasing id; `rows` does not contain these
+  /// objects
   // NOLINTNEXTLINE(readability-redundant-member-init): GCC warns of initializers without it
   std::vector<ObjectState> standing = {};
 
   int steps() const { return static_cast<int>(rows.size()) - 1; }
   bool whole() const { return kept.empty(); }
-  /// Returns whether the rows that a position needs are present.
+  /// Returns whether the rows around a fractional row number are present.
   bool has(double position) const;
-  /// States at a position in the rows, without the standing objects.
-  /// @throws std::logic_error if its rows are missing
+  /// States at a fractional row number, without the standing objects.
+  /// @throws std::logic_error if a required row is missing
   std::vector<ObjectState> moving_at(double position) const;
-  /// Objects that exist from one position in the rows to another, with the standing objects.
-  /// @throws std::logic_error if rows are missing
+  /// Objects that exist from the fractional row number `from` to `to`, with the standing objects.
+  /// @throws std::logic_error if one of the required rows is missing
   std::vector<MovingObject> between(double from, double to) const;
   /// Objects that exist from row k to row k + 1.
   std::vector<MovingObject> in_step(int k) const { return between(k, k + 1); }
 };
 
-/// Adds objects that stand to objects that move. Both are sorted by id, as is the result.
+/// Adds standing objects to moving objects. The two inputs and the result are sorted by id.
 std::vector<MovingObject> with_standing(std::vector<MovingObject> moving,
                                         const std::vector<ObjectState>& standing);
 std::vector<ObjectState> with_standing(const std::vector<ObjectState>& moving,
                                        const std::vector<ObjectState>& standing);
 
-/// Rounds a state to the digits of the file, so that a run from the file equals the original run.
+/// Rounds a state to the digits of trajectories.csv, so that a run from that file equals the
+/// original run.
 ObjectState rounded(ObjectState state);
 
-/// Receives the states of consecutive instants.
+/// Function that receives the states of one instant, called for consecutive instants.
 using StateSink = std::function<void(const std::vector<ObjectState>&)>;
 
-/// Collects trajectories. It keeps all rows as long as there are few states. If there are more, it
-/// keeps only the requested rows.
+/// Collects trajectories. All rows are kept up to a maximum number of states. Above this number,
+/// only the requested rows are kept.
 class TrajectoryKeeper {
  public:
-  static constexpr std::size_t kMostStates = 1'000'000;  ///< 80 MB
+  static constexpr std::size_t kMostStates = 1'000'000;  ///< maximum number of states, 80 MB
 
   /// @param asked whether each row is requested; one entry per row
-  /// @param most  maximum number of states kept in rows that are not requested
+  /// @param most  maximum number of states up to which all rows are kept
   TrajectoryKeeper(std::vector<bool> asked, bool pitched, std::size_t most = kMostStates);
 
   void take(const std::vector<ObjectState>& states);

@@ -18,8 +18,8 @@ constexpr char kHeader[] = "t,id,class,x,y,z,heading,dx,dy,dz,speed";
 constexpr char kPitchColumn[] = "pitch";
 constexpr int kColumns = 11;  // number of columns without pitch
 constexpr double kMostPitch = kPi / 6;
-constexpr double kMaxStep = 10;       // m in 0.1 s: 360 km/h
-constexpr double kMaxTurn = kPi / 3;  // rad in 0.1 s
+constexpr double kMaxStep = 10;       // m, maximum movement in 0.1 s; 360 km/h
+constexpr double kMaxTurn = kPi / 3;  // rad, maximum turn in 0.1 s
 
 /// Makes lines of trajectories.csv.
 class LineText {
@@ -29,7 +29,7 @@ class LineText {
   std::string header() const {
     return std::string(kHeader) + (pitched_ ? std::string(",") + kPitchColumn : "") + "\n";
   }
-  /// The line of a time without an object.
+  /// Returns the line of an instant without objects.
   std::string nobody(int row) const {
     return config::number_text(time_s(row)) + std::string(pitched_ ? kColumns : kColumns - 1, ',') +
            "\n";
@@ -57,10 +57,11 @@ class LineText {
   bool pitched_;
 };
 
-/// Finds the states that the text must have: the first and the last of consecutive equal states.
+/// Finds the states that trajectories.csv must contain: the first and the last of consecutive equal
+/// states of an object.
 class EndsOfRuns {
  public:
-  /// Takes the next row in the first pass.
+  /// Adds the next row in the first pass.
   void take(int row, const std::vector<ObjectState>& states) {
     for (const ObjectState& s : states) {
       auto& [run, ends, next] =
@@ -76,7 +77,7 @@ class EndsOfRuns {
     for (auto& [id, object] : objects_) {
       auto& [run, ends, next] = object;
       if (run.last > run.first) ends.push_back(run.last);
-      run.first = -1;  // the second pass begins
+      run.first = -1;  // marks the begin of the second pass
     }
   }
   /// Returns, in the second pass, whether the text has this state.
@@ -94,12 +95,12 @@ class EndsOfRuns {
  private:
   struct Run {
     ObjectState state;
-    int first, last;  ///< rows
+    int first, last;  ///< numbers of the first and last row
   };
   struct Object {
     Run run;
-    std::vector<int> ends;  ///< last rows of runs of several rows
-    std::size_t next;       ///< index of the next end in the second pass
+    std::vector<int> ends;  ///< last row of each run of several rows
+    std::size_t next;       ///< index in `ends` during the second pass
   };
   std::unordered_map<int, Object> objects_;
 };
@@ -119,7 +120,7 @@ void write_trajectories(bool pitched, const RowSource& source,
   const LineText lines(pitched);
   std::string text = lines.header();
   bool objects = false, ended = false;
-  std::string begin;  // written only if an object follows
+  std::string begin;  // text of an empty first row, written only if an object follows
   source([&](int row, const auto& states) {
     if (states.empty() && row == first) begin = lines.nobody(row);
     if (!states.empty()) {
@@ -151,7 +152,7 @@ TrajectoryLines::TrajectoryLines(const std::filesystem::path& file)
     : csv_(file, kHeader, kPitchColumn) {}
 
 std::optional<TrajectoryLine> TrajectoryLines::next() {
-  constexpr double kNobody = -1;  // stands for the blank id of a line with only a time
+  constexpr double kNobody = -1;  // value in place of the blank id of a line with only a time
   if (!csv_.next_row()) return std::nullopt;
   const double t = csv_.number("t", 0, 1e5);
   TrajectoryLine line{static_cast<int>(std::llround(t / kRowStep_s)), std::nullopt};
@@ -210,10 +211,10 @@ class TrajectoryReader {
   }
 
  private:
-  /// Appends instants up to a row.
+  /// Appends empty rows up to row `step`.
   void go_to(int step) {
     if (out_.rows.empty() && step != 0) lines_.fail("t", "expected 0, got a start after 0");
-    // an instant without rows is empty
+    // an instant without lines in the file has no objects
     out_.rows.resize(std::max(out_.rows.size(), static_cast<std::size_t>(step) + 1));
   }
 
@@ -236,7 +237,7 @@ class TrajectoryReader {
       lines_.fail("dx", "expected one size and class of an object, got a different size or class");
   }
 
-  /// Adds a state to rows [first, last) that the object lacks.
+  /// Adds an object's state to the rows [first, last) in which the object is missing.
   void stand(std::size_t first, std::size_t last, const ObjectState& s) {
     if (last_.at(s.id).second != s)
       lines_.fail("id", "expected steps of 0.1 s, or of more between equal states, got vehicle " +

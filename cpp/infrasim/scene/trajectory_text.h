@@ -12,18 +12,19 @@
 
 namespace infrasim {
 
-/// Receives the states of a row, with its number.
+/// Function that receives the number and the states of a row.
 using RowSink = std::function<void(int, const std::vector<ObjectState>&)>;
-/// Passes all rows to the sink, with ascending numbers. It may be called several times.
+/// Function that passes all rows to a sink, with ascending numbers. The function may be called
+/// several times.
 using RowSource = std::function<void(const RowSink&)>;
 
 /// Makes the text of trajectories.csv and passes it on in pieces of whole lines. The columns are
 /// t,id,class,x,y,z,heading,dx,dy,dz,speed, and pitch if objects have a pitch. The units are metres
-/// and radians, the frame is the world frame, and times are multiples of 0.1 s. Of consecutive
-/// equal states of an object, the text has only the first and the last. If the first or the last
-/// row has no object, a line with only a time marks the begin or the end. A file without rows
-/// describes a scene without objects.
-/// @param source is called twice
+/// and radians, the frame is the world frame, and times are multiples of 0.1 s. The text has only
+/// the first and the last of consecutive equal states of an object. If the first or the last row
+/// has no object, the text has a line with only the time of this row. A file without rows describes
+/// a scene without objects.
+/// @param source source of the rows, called twice
 void write_trajectories(bool pitched, const RowSource& source,
                         const std::function<void(std::string_view)>& take);
 
@@ -43,7 +44,7 @@ class TrajectoryLines {
   explicit TrajectoryLines(const std::filesystem::path& file);
 
   bool pitched() const { return csv_.has_last(); }
-  /// Returns the next line; no value after the last.
+  /// Returns the next line; no value after the last line.
   /// @throws ConfigError with file and line, for a wrong value or lines out of order
   std::optional<TrajectoryLine> next();
   /// Throws an error about the line that was read last.
@@ -57,8 +58,8 @@ class TrajectoryLines {
   bool begun_ = false;
 };
 
-/// Reads all rows. An object may lack rows only between two equal states. It has the same
-/// state in the missing rows.
+/// Reads all rows of trajectories.csv. An object may be missing only in rows between two equal
+/// states. The reader adds the same state to these rows.
 /// @return the trajectories; they have no instants if the file has no rows
 /// @throws ConfigError with file and line, for lines out of order, gaps, jumps or changing sizes
 /// @throws IoError if the file can't be read

@@ -59,7 +59,7 @@ std::vector<Tree> trees(const SceneConfig& scene, std::span<const Curve> centrel
   return out;
 }
 
-/// @param level whether the scene has no profile
+/// @param level true if the scene has no profile
 void add_hedge_along(const Road& road, const HedgeAlongConfig& hedge, bool level,
                      std::vector<LeafVolume>& out) {
   const BarrierConfig line{hedge.road,   hedge.offset_m, hedge.height_m, hedge.width_m,

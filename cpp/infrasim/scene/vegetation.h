@@ -12,7 +12,7 @@ struct LeafVolume {
   bool ellipsoid = false;
   double density_per_m = 0;  ///< probability per metre that leaves stop a ray
   config::Place place;
-  const char* key;   ///< the key that gives its position along a road or in the world
+  const char* key;   ///< key of the volume's position along a road or in the world
   const char* kind;  ///< kind of object, for messages
 };
 
@@ -21,12 +21,12 @@ bool holds(const LeafVolume& volume, Vec3 point);
 
 /// Hedges and crowns, world frame.
 /// @param centrelines centrelines of the scene's roads
-/// @throws ConfigError for an unknown road, or a start beyond its end
+/// @throws ConfigError for an unknown road, or a start beyond a road's end
 std::vector<LeafVolume> leaf_volumes(const SceneConfig& scene, std::span<const Curve> centrelines);
 
 /// The trunks of trees.
 /// @param centrelines centrelines of the scene's roads
-/// @throws ConfigError for an unknown road, or a start beyond its end
+/// @throws ConfigError for an unknown road, or a start beyond a road's end
 std::vector<StaticBox> trunks(const SceneConfig& scene, std::span<const Curve> centrelines);
 
 }  // namespace infrasim

@@ -9,14 +9,15 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kBodyGap = 0.001;  // m along each axis between a box and its body
+constexpr double kBodyGap = 0.001;  // m by which a body is shorter than its box on each axis
 
 /// A cross-section of a body: position along the length, width and height as shares of the box.
 struct Station {
   double x, width, height;
 };
 
-/// A body lofted through stations, rear to front. It narrows from the belt line to the roof.
+/// A body lofted through cross-sections from rear to front. Above the belt line, the body narrows
+/// to the roof.
 struct Silhouette {
   std::span<const Station> stations;
   double belt = 1;
@@ -52,8 +53,8 @@ Silhouette silhouette_of(Class object_class) {
 }
 
 struct Resolution {
-  int between_stations;  ///< rings added between two stations
-  int corner;            ///< points that round each corner of a section
+  int between_stations;  ///< number of cross-sections added between two stations
+  int corner;            ///< number of points that round each corner of a cross-section
 };
 
 Resolution resolution_of(Detail detail) {
@@ -67,17 +68,17 @@ Resolution resolution_of(Detail detail) {
   }
 }
 
-/// Interpolates smoothly between two stations. Finer levels of detail have such additional
-/// sections.
+/// Interpolates smoothly between two stations. Finer levels of detail have additional
+/// cross-sections between the stations.
 Station between(const Station& a, const Station& b, double u) {
   const double smooth = u * u * (3 - 2 * u);
   return {a.x + u * (b.x - a.x), a.width + smooth * (b.width - a.width),
           a.height + u * (b.height - a.height)};
 }
 
-using Outline = std::vector<Vec2>;  ///< (y, z) of a section, from the right foot over the top
+using Outline = std::vector<Vec2>;  ///< (y, z) of half a cross-section, from the bottom to the top
 
-/// Right half of a section as corners from the foot to the top; y >= 0, to be mirrored.
+/// Corners of the left half (y >= 0) of a cross-section, from the bottom to the top.
 Outline half_corners(const Silhouette& body, const Station& s) {
   const double above = std::clamp((s.height - body.belt) / (1 - body.belt + 1e-9), 0.0, 1.0);
   const double half = s.width / 2, top = half * (1 - above * (1 - body.roof_width));
@@ -85,7 +86,7 @@ Outline half_corners(const Silhouette& body, const Station& s) {
   return {{half, -.5}, {half, belt - .5}, {top, .97 * s.height - .5}, {.85 * top, s.height - .5}};
 }
 
-/// Replaces corners by arcs (quadratic Bezier over a third of the shorter side).
+/// Rounds corners with quadratic Bezier curves over 30 % of each adjacent side.
 Outline rounded_half(const Outline& corners, int points) {
   if (points == 1) return corners;
   Outline out{corners.front()};
