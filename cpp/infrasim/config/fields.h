@@ -68,8 +68,8 @@ class FieldReader {
   void field(const char* key, T& value, const char* /*doc*/, Rule rule = {}) {
     if (const Tree* tree = take(key, rule)) read(*tree, full(key), value, rule);
   }
-  /// Stores the position of the struct in the file, for the error messages of later checks that
-  /// need other parts of the scene.
+  /// Stores the position of the struct in the file, for messages of checks that need other parts of
+  /// the scene.
   void here(Place& place) const { place = map_.place; }
   /// Makes `finish` fail at the key's position if the condition does not hold. `finish` reports an
   /// unknown key before a missing required key, because the unknown key is often a misspelling of

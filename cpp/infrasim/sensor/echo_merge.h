@@ -9,7 +9,7 @@
 
 namespace infrasim {
 
-/// An echo of a ray that is not the strongest echo of this ray.
+/// An echo that is not the strongest echo of its ray.
 struct WeakerEcho {
   std::uint32_t ray;
   Echo echo;

@@ -58,8 +58,7 @@ std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last,
       for (std::int64_t i = range.first; i < range.last; ++i) {
         const Ray ray = pattern.ray(i);
         const Vec3 d = pose * ray.direction;
-        // Because of rounding, the z component of some vertical rays of tilted units is larger than
-        // 1.
+        // Rounding makes the z component of some vertical rays of tilted units larger than 1.
         const double sine = std::clamp(d.z, -1.0, 1.0);
         rows.insert(rows.end(), {math::atan2(d.y, d.x), math::asin(sine), ray.time_s});
       }
