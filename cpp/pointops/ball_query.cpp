@@ -71,9 +71,9 @@ class Cells {
   float low_y_ = std::numeric_limits<float>::infinity();
   double size_ = 1;
   std::int64_t columns_ = 0, lines_ = 0;
-  /// start of each cell, line by line, and the end of the last cell
+  /// index in rows_ of the start of each cell, line by line, and of the end of the last cell
   std::vector<std::size_t> starts_;
-  std::vector<std::int64_t> rows_;  ///< increasing within a cell
+  std::vector<std::int64_t> rows_;  ///< rows of points, cell by cell; increasing within a cell
 };
 
 }  // namespace

@@ -6,10 +6,10 @@
 
 namespace pointops {
 
-/// The points within balls.
+/// The rows of the points within each ball.
 struct Balls {
-  std::vector<std::int64_t> rows;   ///< `limit` rows per ball; 0 for an empty ball
-  std::vector<std::uint8_t> empty;  ///< one per ball, 1 if no point is inside
+  std::vector<std::int64_t> rows;   ///< `limit` rows per ball; all are 0 for an empty ball
+  std::vector<std::uint8_t> empty;  ///< 1 for each ball without points, otherwise 0
 };
 
 /// Returns, for each centre, the first `limit` points that are closer than the radius. The points

@@ -16,7 +16,8 @@ namespace {
 
 using Point = std::array<float, 3>;
 
-// points per group; a small group is skipped more often, a large group has faster loops
+// maximum number of points per group; small groups are skipped more often, large groups have faster
+// loops
 constexpr std::size_t kGroup = 128;
 
 /// Points in groups of neighbours, with their distance to the chosen points.
@@ -24,12 +25,12 @@ struct Groups {
   std::array<std::vector<float>, 3> xyz;
   std::vector<std::int64_t> rows;   ///< rows of the caller's points
   std::vector<float> apart;         ///< squared distance to the nearest chosen point
-  std::vector<std::size_t> starts;  ///< start of each group, and the end of the last one
+  std::vector<std::size_t> starts;  ///< start of each group, and end of the last group
   std::vector<Point> low, high;     ///< bounds of a group
   std::vector<float> farthest;      ///< largest `apart` of a group
 };
 
-/// Splits the rows at the median of their longest side until they fit into a group.
+/// Splits the points at the median along their longest side until the parts fit into groups.
 void split(std::span<const float> xyz, std::span<std::int64_t> rows, std::size_t start,
            Groups& groups) {
   Point low, high;

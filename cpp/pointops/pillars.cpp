@@ -6,7 +6,8 @@
 #include <stdexcept>
 #include <vector>
 
-// The loops over channels are compiled for several instruction sets; the processor chooses one.
+// The loops over channels are compiled for several instruction sets. One of them is chosen at run
+// time.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #define POINTOPS_FAST __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
@@ -17,7 +18,7 @@ namespace pointops {
 
 namespace {
 
-constexpr std::size_t kCoordinates = 9;  // inputs that come from x y z
+constexpr std::size_t kCoordinates = 9;  // number of inputs that come from x y z
 constexpr std::size_t kMostInputs = 16;
 
 using Xyz = std::array<float, 3>;
@@ -84,9 +85,9 @@ Members members_of(std::span<const float> points, std::size_t point_columns,
     inputs[kCoordinates + point.size() - 1 - i] = point[i];
 }
 
-constexpr std::size_t kTogether = 32;  // channels whose sums stay in registers
+constexpr std::size_t kTogether = 32;  // number of channels whose sums stay in registers
 
-/// Adds the product of a vector and a matrix to the sums: (inputs) * (inputs, outputs).
+/// Adds the product of a vector (inputs) and a matrix (inputs, outputs) to the sums.
 [[gnu::always_inline]] inline void add_product(const float* values, std::size_t inputs,
                                                const float* matrix, std::size_t outputs,
                                                float* sums) {
@@ -132,7 +133,7 @@ std::vector<std::vector<std::int32_t>> by_row(const std::vector<Pillar>& pillars
   return rows;
 }
 
-/// Computes the convolution row by row, and in a row only where its kernels reach a pillar.
+/// Computes the convolution row by row, only at cells whose kernel covers a pillar.
 POINTOPS_FAST
 void convolve(const std::vector<float>& features, const std::vector<Pillar>& pillars,
               const PillarGrid& grid, const CanvasLayer& layer, std::span<float> map) {
@@ -140,7 +141,8 @@ void convolve(const std::vector<float>& features, const std::vector<Pillar>& pil
   const std::int64_t stride = layer.stride, rows = grid.rows / stride,
                      columns = grid.columns / stride;
   const auto numbers = by_row(pillars, grid);
-  std::vector<float> sums(static_cast<std::size_t>(columns) * channels);  // cell by cell
+  // sums of a row of cells, cell by cell
+  std::vector<float> sums(static_cast<std::size_t>(columns) * channels);
   for (std::int64_t r = 0; r < rows; ++r) {
     for (std::size_t i = 0; i < sums.size(); i += channels)
       std::copy(layer.bias.begin(), layer.bias.end(), &sums[i]);

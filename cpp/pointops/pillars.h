@@ -5,10 +5,10 @@
 
 namespace pointops {
 
-/// Cells of a bird's-eye canvas, in metres.
+/// Square cells of a canvas, which is the ground seen from above. Lengths are in metres.
 struct PillarGrid {
-  float low_x, low_y;  // corner of the first cell
-  float middle_z;      // middle of the area
+  float low_x, low_y;  // lower corner of the first cell
+  float middle_z;      // middle height of the area
   float side;          // side of a cell
   std::int64_t rows, columns;
 };
@@ -17,15 +17,15 @@ struct PillarGrid {
 /// of its pillar (3); the offset to the middle of the pillar (3); the other columns of the point,
 /// from the last to the first.
 struct PillarLayer {
-  std::span<const float> weight;  // inputs * features
-  std::span<const float> bias;    // features
-  std::int64_t first;             // number of inputs that are left out at the beginning
+  std::span<const float> weight;  // weights, inputs * features
+  std::span<const float> bias;    // one per feature
+  std::int64_t first;             // number of the first inputs that the layer leaves out
 };
 
 /// A 3 x 3 convolution of the canvas with a border of zeros, followed by ReLU.
 struct CanvasLayer {
-  std::span<const float> weight;  // 3 rows * 3 columns * features * outputs
-  std::span<const float> bias;    // outputs
+  std::span<const float> weight;  // weights, 3 rows * 3 columns * features * outputs
+  std::span<const float> bias;    // one per output
   std::int64_t stride;
 };
 

@@ -23,8 +23,8 @@ class RankedSet {
 
   void insert(std::int64_t key) { words_[word(key)] |= std::uint64_t{1} << (key % kWord); }
 
-  /// Returns at most `at_most` members in increasing order. rank() may be called after this
-  /// function.
+  /// Returns all members in increasing order. `at_most` is an upper limit of their number. rank()
+  /// may be called after this function.
   std::vector<std::int64_t> members(std::size_t at_most) {
     std::vector<std::int64_t> keys;
     keys.reserve(at_most);
@@ -50,8 +50,8 @@ class RankedSet {
 };
 
 struct Arrival {
-  std::int64_t offset;  ///< along one axis of the kernel
-  std::int64_t at;      ///< along the same axis of the target
+  std::int64_t offset;  ///< position along one axis of the kernel
+  std::int64_t at;      ///< position along the same axis of the target grid
 };
 
 /// Lists, for each coordinate along one axis, the target coordinates that it reaches.
@@ -93,7 +93,7 @@ void check_increasing(std::span<const std::int64_t> keys) {
 
 constexpr std::array kAxes{"z", "y", "x"};
 constexpr std::int64_t kMostArrivals =
-    std::int64_t{1} << 24;  // maximum number along an axis; an arrival has 16 bytes
+    std::int64_t{1} << 24;  // maximum number of arrivals along an axis; an arrival has 16 bytes
 constexpr std::int64_t kMostOffsets = std::int64_t{1}
                                       << 20;  // maximum number of offsets of a kernel
 

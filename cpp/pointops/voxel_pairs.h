@@ -7,11 +7,11 @@
 
 namespace pointops {
 
-/// Pairs of input and output rows, grouped by offset.
+/// Pairs of an input and an output voxel, as rows, grouped by the offset between the voxels.
 struct VoxelPairs {
   std::vector<std::int64_t> inputs;
   std::vector<std::int64_t> outputs;
-  std::vector<std::int64_t> counts;  ///< one per offset
+  std::vector<std::int64_t> counts;  ///< number of pairs for each offset
 };
 
 /// Returns the pairs of voxels whose keys differ by one of the steps.
@@ -31,7 +31,8 @@ struct Reach {
 
 struct ReachedVoxels {
   VoxelPairs pairs;
-  std::vector<std::int64_t> keys;  ///< ((batch * Z + z) * Y + y) * X + x of each output, increasing
+  /// key of each output voxel, ((batch * Z + z) * Y + y) * X + x, increasing
+  std::vector<std::int64_t> keys;
 };
 
 /// Returns every output voxel that the kernel reaches from the inputs, and the pairs of inputs and

@@ -23,7 +23,7 @@ struct RenamedKey {
 /// A key that was added after version 0.3. A key with its default value is not part of the
 /// identity.
 struct LaterKey {
-  std::string_view path;      ///< as in RenamedKey
+  std::string_view path;      ///< end of the key's dotted path, as in RenamedKey
   std::string_view standard;  ///< the key's default, as `infrasim check` prints it
 };
 
@@ -40,8 +40,8 @@ inline constexpr std::array kLaterKeys{
     LaterKey{"prisms.period_s", "0.1"}, LaterKey{"table.period_s", "0.1"}};
 inline constexpr CanonicalKeys kCanonicalKeys{kRenamedKeys, kLaterKeys};
 
-/// Whether a path, such as `.pattern.spinning.cut_angle_deg`, ends with the pattern of a table
-/// entry.
+/// Returns whether a path, such as `.pattern.spinning.cut_angle_deg`, ends with a pattern in which
+/// * matches any name.
 bool ends_as(std::string_view path, std::string_view pattern);
 
 }  // namespace infrasim::config

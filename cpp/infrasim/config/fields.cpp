@@ -34,8 +34,8 @@ std::string expected(const std::string& allowed, const Tree& tree) {
   return "expected " + allowed + ", got " + value_text(tree);
 }
 
-// Least difference from a minimum that is not allowed itself. Values closer to the minimum are
-// probably typing errors, and their squares or inverses could overflow.
+// Minimum difference between a value and a lower limit that is not allowed itself. Values closer to
+// the limit are probably typing errors, and their squares or inverses could overflow.
 constexpr double kLeastAbove = 1e-9;
 
 std::string allowed(const Rule& rule) {
@@ -75,7 +75,7 @@ std::string number_text(double value) {
 
 bool begins_as_name(const std::string& text) {
   const unsigned char first = text.empty() ? 0 : static_cast<unsigned char>(text.front());
-  // first byte of a letter in UTF-8
+  // In UTF-8, letters beyond ASCII begin with a byte of 0x80 or more.
   return std::isalnum(first) != 0 || first == '_' || first >= 0x80;
 }
 
@@ -178,8 +178,8 @@ void FieldReader::read(const Tree& tree, const std::string& key, Vec2& value, co
   read(tree.items[1], key + ".1", value.y, rule);
 }
 
-/// Reads a fraction. Numerator and denominator are limited, so that a product of two of them is
-/// exact.
+/// Reads a fraction. The numerator and the denominator are limited, so that products of two such
+/// numbers fit into 64 bits.
 void FieldReader::read(const Tree& tree, const std::string& key, Fraction& value,
                        const Rule& rule) {
   const std::string_view text = tree.scalar;
@@ -225,7 +225,8 @@ bool ends_as(std::string_view path, std::string_view pattern) {
 
 namespace {
 
-/// Returns the name that files now use for a canonical key; no value for any other key.
+/// Returns the current name of a key that is given by its canonical name, which is that of version
+/// 0.3; no value for any other key.
 std::optional<std::string> current_name(const std::string& key, const std::string& path,
                                         const CanonicalKeys& canonical) {
   for (const RenamedKey& renamed : canonical.renamed) {

@@ -17,8 +17,8 @@
 #include "infrasim/core/named_map.h"
 
 // Each configuration struct has one function `visit(fields, struct)` that names its keys. A
-// FieldReader fills the struct from a Tree. A FieldWriter prints it as YAML, with every key and
-// default. The words of an enum come from `enum_names(Enum)`, declared beside the enum.
+// FieldReader fills the struct from a Tree. A FieldWriter prints the struct as YAML, including keys
+// with default values. The words of an enum come from `enum_names(Enum)`, declared beside the enum.
 
 namespace infrasim::config {
 
@@ -27,7 +27,7 @@ namespace infrasim::config {
 struct Rule {
   double min = -1e9;
   double max = 1e9;
-  bool above_min = false;  ///< the minimum itself is not allowed
+  bool above_min = false;  ///< whether the minimum itself is forbidden
   bool required = false;
   std::size_t min_items = 0;  ///< minimum number of items of a list or map
 };
@@ -68,7 +68,8 @@ class FieldReader {
   void field(const char* key, T& value, const char* /*doc*/, Rule rule = {}) {
     if (const Tree* tree = take(key, rule)) read(*tree, full(key), value, rule);
   }
-  /// Stores the position of the struct, for checks that need other parts of the scene.
+  /// Stores the position of the struct in the file, for messages of checks that need other parts of
+  /// the scene.
   void here(Place& place) const { place = map_.place; }
   /// Makes `finish` fail at the key's position if the condition does not hold. `finish` reports an
   /// unknown key before a missing required key, because the unknown key is often a misspelling of
@@ -144,7 +145,8 @@ class FieldReader {
 class FieldWriter {
  public:
   FieldWriter() = default;
-  /// Writes keys by their canonical names, and omits later keys that have their default value.
+  /// Writes the canonical names of keys (those of version 0.3), and omits keys that were added
+  /// later and have their default value.
   explicit FieldWriter(const CanonicalKeys& canonical) : canonical_(canonical) {}
 
   template <class T>
@@ -161,7 +163,7 @@ class FieldWriter {
   std::string text() const { return text_.starts_with('\n') ? text_.substr(1) : text_; }
 
  private:
-  /// @param name function that returns the written name of the entered key
+  /// @param name function that returns the name under which a key is written
   template <class T>
   void entry(const std::string& key, T& value,
              std::string (FieldWriter::*name)(const std::string&) const) {
@@ -234,7 +236,7 @@ class FieldWriter {
   std::size_t indent_ = 0;
 };
 
-/// @throws ConfigError if a key has its canonical name instead of its current name
+/// @throws ConfigError if a renamed key has its canonical name instead of its current name
 void check_current_names(const Tree& tree, const CanonicalKeys& canonical,
                          const std::string& path = "");
 
@@ -260,7 +262,7 @@ T read_written(const Tree& tree, const CanonicalKeys& canonical = kCanonicalKeys
   return read_struct<T>(with_current_names(tree, canonical), canonical);
 }
 
-/// Every key with its value, as YAML.
+/// Returns every key of a struct with its value, as YAML.
 template <class T>
 std::string dump_struct(T value) {
   FieldWriter writer;
@@ -268,8 +270,8 @@ std::string dump_struct(T value) {
   return writer.text() + "\n";
 }
 
-/// Like dump_struct, but with canonical names of keys. The text is the identity of folders and rows
-/// of results.
+/// Like dump_struct, but with canonical names of keys. The text identifies data folders and rows of
+/// results.
 template <class T>
 std::string canonical_text(T value, const CanonicalKeys& canonical = kCanonicalKeys) {
   FieldWriter writer(canonical);

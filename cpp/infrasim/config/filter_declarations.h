@@ -13,7 +13,7 @@
 
 namespace infrasim::config {
 
-/// A parameter of a filter: its name in scenes and in Python, and its allowed values.
+/// A parameter of a filter: its name in scene files and in Python, and its allowed values.
 template <class Filter, class T, bool kRequired>
 struct Parameter {
   static constexpr bool required = kRequired;
@@ -39,8 +39,8 @@ template <class... Parameters>
 struct FilterDeclaration {
   const char*
       key;  ///< key of an entry in a scene's `filters`; the Python class has this name in CamelCase
-  const char* doc;        ///< description of that key
-  const char* docstring;  ///< docstring of the class in Python
+  const char* doc;        ///< description of the filter in the list of keys
+  const char* docstring;  ///< docstring of the filter's class in Python
   std::tuple<Parameters...> parameters;
 };
 

@@ -6,7 +6,7 @@
 
 namespace infrasim {
 
-/// In a scene file, each side of the box has its own key.
+/// Visits the keys of a box filter. In a scene file, each side of the box has its own key.
 template <class Fields>
 void visit(Fields& f, CropBox& c) {
   static constexpr std::array kMin{"x_min_m", "y_min_m", "z_min_m"};

@@ -2,7 +2,8 @@
 
 #include "infrasim/config/scene_config.h"
 
-// Keys of filters. Fields is FieldReader, FieldWriter or FieldLister.
+// Functions that visit the keys of point filters. The template parameter Fields is FieldReader,
+// FieldWriter or FieldLister.
 
 namespace infrasim {
 

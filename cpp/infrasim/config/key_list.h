@@ -61,8 +61,8 @@ class FieldLister {
     return type(T{}) + "s by name";
   }
 
-  /// Returns the default as `dump_struct` writes it. Returns an empty text for an absent value, and
-  /// for a value that is itself a map of keys.
+  /// Returns the default of a number, a word or a text, as `dump_struct` writes it. Returns an
+  /// empty text for values of other types.
   template <class T>
   static std::string standard(T& value) {
     if constexpr (std::is_arithmetic_v<T> || std::is_enum_v<T> || std::is_same_v<T, std::string>) {
@@ -138,7 +138,7 @@ std::string list_keys() {
   return lister.text();
 }
 
-/// The keys of scene and LiDAR files, in the format of FieldLister.
+/// Returns the keys of a scene file, or of a LiDAR file, in the format of FieldLister.
 std::string list_scene_keys();
 std::string list_lidar_keys();
 

@@ -12,7 +12,8 @@ namespace infrasim {
 
 namespace {
 
-/// Returns a ratio of rates as a fraction in lowest terms.
+/// Returns the ratio a / b of two rates as a fraction in lowest terms; no value if its denominator
+/// is above 1000.
 std::optional<Fraction> ratio_of(double a, double b) {
   constexpr std::int64_t kMostParts = 1000;
   for (std::int64_t parts = 1; parts <= kMostParts; ++parts) {
@@ -23,7 +24,8 @@ std::optional<Fraction> ratio_of(double a, double b) {
   return std::nullopt;
 }
 
-/// Changes the rate of a spinning unit whose columns per turn follow from the rate.
+/// Sets the turns per second of a spinning unit. The columns per second do not change, so the
+/// columns per turn do.
 void set_rate(SpinningConfig& spinning, double rate_hz) {
   if (spinning.cycle_us) {
     spinning.rate_hz = rate_hz;
@@ -44,7 +46,7 @@ void set_rate(SpinningConfig& spinning, double rate_hz) {
   spinning.rate_hz = rate_hz;
   if (spinning.columns_per_turn)
     spinning.columns_per_turn = columns;
-  else if (columns)  // columns_per_turn finds the same fraction from this step
+  else if (columns)  // from this step, columns_per_turn() finds the same fraction
     spinning.azimuth_step_deg =
         360.0 * static_cast<double>(columns->denominator) / static_cast<double>(columns->numerator);
   else

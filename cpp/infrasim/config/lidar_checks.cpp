@@ -11,12 +11,14 @@ namespace infrasim {
 
 namespace {
 
-constexpr std::size_t kLeastRows = 8;  // LiDARs of a few lines may see less than 3.2 degrees
+// minimum number of rows of a table that is checked; fewer rows may all lie within 1.6 degrees of
+// the horizon
+constexpr std::size_t kLeastRows = 8;
 constexpr double kMostElevation_rad = kPi / 2 + 0.03;
 constexpr double kMostAzimuth_rad = 2 * kPi + 0.03;
 
-/// Returns the elevations of a unit's table, as the numbers in the file. The result is empty if an
-/// azimuth of a table of directions is too large to be in radians.
+/// Returns the elevations of a unit's table, in degrees. The result is empty if an azimuth is above
+/// 2 pi, because such angles cannot be radians.
 std::vector<double> table_of(const PatternConfig& pattern) {
   std::vector<double> elevations;
   if (pattern.spinning && pattern.spinning->channels.count == 0)
@@ -31,11 +33,12 @@ std::vector<double> table_of(const PatternConfig& pattern) {
   return elevations;
 }
 
-constexpr double kMostSpacing_deg = 0.25;  // largest angle between two sub-rays
-constexpr double kLeastTable_s = 1;        // minimum period of a pattern that does not repeat
+// maximum angle between two sub-rays of a beam; with a larger angle, targets are missed
+constexpr double kMostSpacing_deg = 0.25;
+constexpr double kLeastTable_s = 1;  // shorter tables count as patterns that repeat
 
-/// Returns the number of turns of the azimuth from the first row of a table through all rows and
-/// back to the first row.
+/// Returns the number of full turns of the azimuth from the first row of a table through all rows
+/// and back to the first row.
 double turns_of(std::span<const Vec2> directions) {
   double sum = 0;
   for (std::size_t i = 0; i < directions.size(); ++i)

@@ -29,7 +29,7 @@ void visit(Fields& f, PriceConfig& c) {
 
 namespace {
 
-/// One entry of a bundle: the file of another LiDAR, or, in a resolved dump, a whole unit.
+/// One entry of a bundle: the file of another LiDAR, or a whole unit, as in the text of dump_lidar.
 struct BundleEntry {
   std::optional<std::string> lidar;
   double yaw_deg = 0;
@@ -54,8 +54,8 @@ void visit(Fields& f, BundleEntry& c) {
   f.field("yaw_deg", c.yaw_deg, "yaw on the mount, positive to the left", between(-360, 360));
   f.field("pitch_deg", c.pitch_deg, "pitch; positive values point the LiDAR down",
           between(-90, 90));
-  if constexpr (!std::is_same_v<Fields, config::FieldLister>) {  // the key list has these keys
-                                                                 // once, outside bundles
+  // the key list has these keys only outside bundles
+  if constexpr (!std::is_same_v<Fields, config::FieldLister>) {
     f.field("pattern", c.pattern, "scan pattern: directions and times of the rays");
     f.field("returns", c.returns, "return model: which ray hits become points");
   }
@@ -97,7 +97,7 @@ void visit(Fields& f, LidarFile& c) {
           "and a bundle without files, got an incomplete LiDAR");
 }
 
-/// The file's tree, merged with the named preset.
+/// Returns the tree of a LiDAR file, merged with the keys of one preset.
 config::Tree preset_tree(const std::filesystem::path& file, const std::string& preset) {
   config::Tree tree = config::read_tree(file);
   const auto presets = config::take_presets(tree);
@@ -128,8 +128,8 @@ void resolve_channels(const std::filesystem::path& folder, ChannelsConfig& c) {
   c = ChannelsConfig{.file = "", .count = 0, .upper_deg = 0, .lower_deg = 0, .table = c.table};
 }
 
-/// Sets the rate at which a table repeats. The rate follows from `rays_per_s`. Without that key, a
-/// table with times repeats one mean time step after its last row.
+/// Sets the rays per second of a table of directions, if the file does not give them. A table with
+/// times then repeats one mean time step after its last row.
 void resolve_rate(const std::filesystem::path& file, TableConfig& c) {
   const auto rows = static_cast<double>(c.directions.size());
   const double last_s = c.times_s.empty() ? 0 : c.times_s.back();
@@ -180,7 +180,8 @@ void resolve_files(const std::filesystem::path& file, PatternConfig& pattern) {
   if (pattern.table) resolve_table(file, *pattern.table);
 }
 
-constexpr double kMaxLasers = 65535;  // ring numbers have 16 bits
+// maximum number of lasers of a LiDAR, because ring numbers have 16 bits
+constexpr double kMaxLasers = 65535;
 
 std::size_t lasers_of(const PatternConfig& pattern) {
   if (pattern.spinning) return pattern.spinning->channels.table.size();
@@ -228,7 +229,7 @@ LidarUnit unit_of_file(const std::filesystem::path& file, const std::string& par
     config::fail({file.string()}, "bundle", "expected single LiDARs, got a bundle in it");
   add_price(*keys.price_usd, sum);
   LidarUnit unit = unit_of(part_file, keys);
-  // The path becomes relative to the bundle.
+  // The path of the table becomes relative to the file of the bundle.
   if (auto& table = unit.pattern.table)
     table->file = (std::filesystem::path(part).parent_path() / table->file).string();
   return unit;
@@ -317,7 +318,8 @@ LidarFile keys_of(const LidarConfig& lidar) {
   return keys;
 }
 
-/// The price of several units is not part of their identity, because earlier files do not have it.
+/// Returns the canonical text of a LiDAR's keys. The price of several units is left out, because
+/// files of earlier versions do not have it.
 std::string canonical_of(LidarFile keys) {
   if (keys.bundle.size() > 1) keys.price_usd.reset();
   return config::canonical_text(keys);

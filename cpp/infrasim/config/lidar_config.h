@@ -25,30 +25,32 @@ inline constexpr double kLongestMinRange_m = 1000;
 /// first_column.
 struct Channel {
   double elevation_deg = 0;
-  double azimuth_offset_deg = 0;  ///< positive in the direction of rotation
-  double fire_time_us = 0;        ///< after the start of its column
+  double azimuth_offset_deg = 0;  ///< azimuth offset, positive in the direction of rotation
+  double fire_time_us = 0;        ///< firing time after the start of the column
   int column_step = 1;
   int first_column = 0;
-  /// detection range of this channel; without a value, the LiDAR's range applies
+  /// range of this channel on a target with a reflectance of 10 %; if missing, the LiDAR's range
+  /// applies
   std::optional<double> range_at_10_percent_m = std::nullopt;
-  /// minimum range of this channel; without a value, the LiDAR's minimum range applies
+  /// minimum range of this channel; if missing, the LiDAR's minimum range applies
   std::optional<double> min_range_m = std::nullopt;
 };
 
-/// Channels from a file, or evenly spaced from upper to lower.
+/// Channels of a spinning sensor: from a file, or evenly spaced from upper_deg down to lower_deg.
 struct ChannelsConfig {
   std::string file;
   int count = 0;
-  std::optional<double> upper_deg;  ///< 0 if missing
+  std::optional<double> upper_deg;  ///< elevation of the first channel; if missing, 0
   std::optional<double> lower_deg;
-  std::vector<Channel> table;  ///< the resolved channels
+  /// channels that were read from the file or calculated from the other members
+  std::vector<Channel> table;
 };
 
 inline constexpr double kUsualPeriod_s = 0.1;  ///< frame period of most LiDARs
 inline constexpr double kShortestPeriod_s = 0.05, kLongestPeriod_s = 0.2;
 
-/// How a pattern starts. The start of a free motor is sampled from the seed, the mount and the
-/// unit.
+/// How a scan pattern starts: at a given position (locked) or at a random one (free). The random
+/// position depends on the seed, the mount and the LiDAR unit.
 enum class MotorPhase { kLocked, kFree };
 std::span<const char* const> enum_names(MotorPhase);
 
@@ -57,19 +59,20 @@ std::span<const char* const> enum_names(MotorPhase);
 struct SpinningConfig {
   double rate_hz = 10;
   MotorPhase phase = MotorPhase::kLocked;  ///< a locked motor is at cut_angle_deg at time 0
-  double cut_angle_deg = 180;              ///< azimuth in the unit's own frame
+  /// azimuth at which a frame begins and ends, in the frame of the LiDAR unit
+  double cut_angle_deg = 180;
   std::optional<double> azimuth_step_deg;
-  std::optional<Fraction>
-      columns_per_turn;            ///< exact; the columns repeat after `denominator` turns
-  std::optional<double> cycle_us;  ///< time between two columns, at any rate_hz
+  /// exact number of columns per turn; the azimuths of columns repeat after `denominator` turns
+  std::optional<Fraction> columns_per_turn;
+  std::optional<double> cycle_us;  ///< time between two columns; it does not depend on rate_hz
   ChannelsConfig channels;
 };
 double columns_per_s(const SpinningConfig& spinning);
-/// Returns the columns per turn as an exact fraction. If the file gives a step in degrees, the
-/// fraction is found from the step: 0.2 means 1800 columns per turn, although the floating-point
-/// number only approximates 360 / 1800. Returns no value if no fraction with a denominator up to 16
-/// fits the step. The fraction of a cycle is exact for its decimal text: 55.296 us at 10 Hz is
-/// 390625/216 columns per turn.
+/// Returns the number of columns per turn as an exact fraction. If the file gives a step in
+/// degrees, the fraction is found from the step: 0.2 means 1800 columns per turn, although the
+/// floating-point number only approximates 360 / 1800. Returns no value if no fraction with a
+/// denominator up to 16 fits the step. If the file gives cycle_us, the fraction is exact for its
+/// decimal text: 55.296 us at 10 Hz give 390625/216 columns per turn.
 std::optional<Fraction> columns_per_turn(const SpinningConfig& spinning);
 /// Returns the number of columns after which the same channels fire again: the least common
 /// multiple of all column_step.
@@ -90,12 +93,14 @@ struct PrismConfig {
 /// Lasers behind a row of rotating prisms.
 struct PrismsConfig {
   double steps_per_s = 0;
-  double period_s = kUsualPeriod_s;      ///< frame period
-  MotorPhase phase = MotorPhase::kFree;  ///< free, because no vendor offers a phase lock
+  double period_s = kUsualPeriod_s;  ///< frame period
+  /// random start by default, because no vendor of such LiDARs offers a phase lock
+  MotorPhase phase = MotorPhase::kFree;
   int first_step = 0;
   double focal_length = 1;
-  std::vector<double>
-      laser_offsets;  ///< from top to bottom; an elevation is atan(offset / focal_length)
+  /// offsets of the lasers from top to bottom; the elevation of a laser is atan(offset /
+  /// focal_length)
+  std::vector<double> laser_offsets;
   std::vector<PrismConfig> prisms;
 };
 
@@ -105,9 +110,11 @@ struct TableConfig {
   double rays_per_s = 0;
   double period_s = kUsualPeriod_s;  ///< frame period
   MotorPhase phase = MotorPhase::kFree;
-  std::string digest;            ///< digest of the directions
-  std::vector<Vec2> directions;  ///< resolved: azimuth, elevation (rad)
-  /// resolved: time of each direction since the first direction; if empty, they are evenly spaced
+  std::string digest;  ///< digest of the directions and times
+  /// azimuth and elevation of each ray in radians, read from the file
+  std::vector<Vec2> directions;
+  /// time of each ray since the first ray, read from the file; if empty, the times are evenly
+  /// spaced
   std::vector<double> times_s;
 };
 
@@ -117,14 +124,14 @@ struct PatternConfig {
   std::optional<TableConfig> table;
 };
 
-/// CARLA's random loss of points, with CARLA's names.
+/// Random loss of points, by the model and with the names of the simulator CARLA.
 struct DropOffConfig {
   double general_rate = 0.45;
   double intensity_limit = 0.8;
   double zero_intensity_rate = 0.4;
 };
 
-/// A range published by a vendor.
+/// A range that a vendor publishes for a target of some reflectance in some light.
 struct PublishedRange {
   double range_m = 0;
   double reflectance = 0.1;
@@ -135,16 +142,18 @@ struct PublishedRange {
 inline constexpr double kLawExponent = 0.25;
 inline constexpr double kLeastExponent = 0.25, kMostExponent = 0.5;
 
-/// Detection by received power. The 10 % range applies to sunlight of 100 klx.
+/// Detection by received power. The range on a target of 10 % reflectance applies to sunlight of
+/// 100 klx.
 struct DetectionConfig {
   double range_at_10_percent_m = 100;
   std::vector<PublishedRange> further_ranges;
-  /// allowed only without further_ranges; default: kLawExponent
+  /// power of the reflectance with which the range grows; allowed only without further_ranges;
+  /// default: kLawExponent
   std::optional<double> law_exponent = std::nullopt;
   double steepness = 5;
 };
 
-/// All published ranges, the 10 % range first.
+/// Returns all published ranges. The first one is the range on a target of 10 % reflectance.
 std::vector<PublishedRange> published_ranges(const DetectionConfig& detection);
 std::string range_text(const PublishedRange& r);
 
@@ -157,7 +166,7 @@ std::span<const char* const> enum_names(BeamWhere);
 struct BeamConfig {
   double vertical_deg = 0;
   double horizontal_deg = 0;
-  int sub_rays = 3;  ///< across the beam, odd
+  int sub_rays = 3;  ///< number of sub-rays across the beam; an odd number
   BeamWhere where = BeamWhere::kMoving;
 };
 
@@ -168,8 +177,10 @@ std::span<const char* const> enum_names(EchoMode);
 /// How a LiDAR that detects by received power selects from the echoes of a ray.
 struct EchoesConfig {
   EchoMode mode = EchoMode::kStrongest;
-  double separation_m = 0.5;      ///< length of a pulse of 3 ns; nearer echoes merge
-  std::vector<EchoMode> offered;  ///< modes of the sensor; if empty, all
+  /// minimum distance between two echoes, the length of a pulse of 3 ns; nearer echoes merge
+  double separation_m = 0.5;
+  /// modes that the sensor offers; if empty, the sensor offers all modes
+  std::vector<EchoMode> offered;
 };
 
 inline constexpr double kLongestRange_m = 5000;  ///< longest allowed range of a LiDAR
@@ -209,11 +220,11 @@ struct LidarConfig {
 
 double rays_per_s(const PatternConfig& pattern);
 
-/// Returns the frame period: one turn of a spinning unit, or the key period_s. All units of a LiDAR
-/// have the same period.
+/// Returns the frame period: the time of one turn of a spinning unit, or the value of period_s. All
+/// units of a LiDAR have the same period.
 double period_s(const PatternConfig& pattern);
 double period_s(const LidarConfig& lidar);
-/// Returns the common frame period of LiDARs; kUsualPeriod_s without a LiDAR.
+/// Returns the common frame period of several LiDARs; kUsualPeriod_s if there is no LiDAR.
 /// @throws ConfigError if the periods differ
 double period_s(std::span<const LidarConfig> lidars);
 
@@ -221,15 +232,15 @@ double period_s(std::span<const LidarConfig> lidars);
 /// @throws ConfigError, IoError
 LidarConfig read_lidar(const std::filesystem::path& file, const std::string& preset);
 
-/// Names of the presets in a LiDAR or scene file, in the file's order.
+/// Returns the names of the presets in a LiDAR or scene file, in the file's order.
 std::vector<std::string> preset_names(const std::filesystem::path& file);
 
-/// Every key with its value as plain YAML, with the resolved channels. The dump of a LiDAR with one
-/// unit, rotated or not, can be read back. The dump of a LiDAR with several units has no price.
+/// Returns every key with its value as YAML. Files of channels are replaced by the channels
+/// themselves. The text can be read back as a LiDAR file.
 std::string dump_lidar(const LidarConfig& lidar);
 
-/// Like dump_lidar, but with canonical names of keys. The text is the identity of the LiDAR's
-/// frames.
+/// Like dump_lidar, but with the canonical names of keys (those of version 0.3), and without the
+/// price of several units. The text identifies the frames of the LiDAR.
 std::string canonical_lidar(const LidarConfig& lidar);
 /// @param resolved keys written by `dump_lidar` of this version or an older one
 std::string canonical_lidar(const config::Tree& resolved);

@@ -14,7 +14,8 @@ namespace infrasim::config {
 
 namespace {
 
-constexpr double kTurn = 2 * kPi + 1e-5;  // float32 rounds 2 pi up
+// limit of azimuths, slightly above 2 pi, because float32 rounds 2 pi up
+constexpr double kTurn = 2 * kPi + 1e-5;
 
 constexpr double kLongestTable_s = 3600;
 constexpr int kMostChannels = 100'000;

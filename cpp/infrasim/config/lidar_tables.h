@@ -15,7 +15,7 @@ namespace infrasim::config {
 std::vector<Channel> read_channels(const std::filesystem::path& file);
 
 struct FiringTable {
-  std::vector<Vec2> directions;  ///< azimuth, elevation (rad)
+  std::vector<Vec2> directions;  ///< azimuth and elevation of each ray, in radians
   /// times since the first ray, never decreasing; empty if the file has no column of times
   std::vector<double> times_s;
 };

@@ -2,7 +2,8 @@
 
 #include "infrasim/config/lidar_config.h"
 
-// Keys of scan patterns. Fields is FieldReader, FieldWriter or FieldLister.
+// Functions that visit the keys of scan patterns. The template parameter Fields is FieldReader,
+// FieldWriter or FieldLister.
 
 namespace infrasim {
 
@@ -11,7 +12,7 @@ namespace infrasim {
 inline constexpr double kFewestPerSecond = 1 / kShortestPeriod_s;
 inline constexpr double kMostRaysPerSecond = 1e8;
 
-/// Visits the keys of `pattern` of a unit.
+/// Visits the keys of a LiDAR unit's `pattern`.
 template <class Fields>
 void visit(Fields& f, PatternConfig& c);
 

@@ -25,7 +25,8 @@ void visit(Fields& f, DropOffConfig& c) {
           "share of the points with intensity 0 that is lost", required(between(0, 1)));
 }
 
-constexpr double kLeastReflectance = 0.001;  // data sheets have targets of 5 % and more
+// minimum reflectance of a target; data sheets have 5 % and more
+constexpr double kLeastReflectance = 0.001;
 
 template <class Fields>
 void visit(Fields& f, PublishedRange& c) {
@@ -49,13 +50,13 @@ std::string range_text(const PublishedRange& r) {
 
 namespace {
 
-/// Largest probability that a target without a signal is detected. With this value, a car that 100
-/// rays hit beyond its range has a point in one of 100 frames.
+/// Maximum probability that a target without a signal is detected. With this value, a car that 100
+/// rays hit beyond the LiDAR's range has a point in one of 100 frames.
 constexpr double kMostFalseAlarms = 1e-4;
 
-/// Describes two published ranges that contradict each other; empty if there are none. Two ranges
-/// contradict each other if a target has the shorter range despite a higher reflectance or less
-/// light.
+/// Returns a text with two published ranges that contradict each other; empty if there are none.
+/// Two ranges contradict each other if the shorter one is that of a target with no lower
+/// reflectance and no more sunlight.
 std::string contradiction(const DetectionConfig& detection) {
   const std::vector<PublishedRange> ranges = published_ranges(detection);
   for (const PublishedRange& a : ranges)

@@ -4,11 +4,12 @@
 
 #include "infrasim/config/lidar_config.h"
 
-// Keys of returns. Fields is FieldReader, FieldWriter or FieldLister.
+// Functions that visit the keys of a return model. The template parameter Fields is FieldReader,
+// FieldWriter or FieldLister.
 
 namespace infrasim {
 
-/// Visits the keys of `returns` of a unit.
+/// Visits the keys of a LiDAR unit's `returns`.
 template <class Fields>
 void visit(Fields& f, ReturnsConfig& c);
 

@@ -2,8 +2,8 @@
 
 #include "infrasim/config/roads_config.h"
 
-// Keys of roads, their profile and their junctions. Fields is FieldReader, FieldWriter or
-// FieldLister.
+// Functions that visit the keys of roads, their profile and their junctions. The template parameter
+// Fields is FieldReader, FieldWriter or FieldLister.
 
 namespace infrasim {
 

@@ -11,7 +11,8 @@
 
 namespace infrasim {
 
-/// A straight line, or an arc; a positive angle turns left.
+/// A piece of a road's centreline: a straight line or an arc. An arc with a positive angle turns
+/// left.
 struct CentrelinePiece {
   double line_m = 0;
   double radius_m = 0;
@@ -59,13 +60,14 @@ struct RoadConfig {
   config::Place place;
 };
 
-/// The slope of the scene along one direction. All other keys describe a level scene. The profile
-/// then raises each point by the rise at its position.
+/// The elevation profile of the scene along one direction. All other keys describe a level scene.
+/// The profile then raises each point by the rise at its position.
 struct ProfileConfig {
   double x_m = 0;
   double y_m = 0;
   double heading_deg = 0;
-  std::vector<Vec2> points_m;  ///< (station from x_m, y_m along heading_deg, rise at this station)
+  /// stations along heading_deg from the point (x_m, y_m), and the rise at each station, in metres
+  std::vector<Vec2> points_m;
   double vertical_curve_m = 40;
 };
 
@@ -93,7 +95,7 @@ struct RoundaboutConfig {
 /// roundabout without signals.
 struct JunctionConfig {
   std::vector<std::string> roads;
-  /// without a value, signals have the default timing; not allowed together with `roundabout`
+  /// signal timing; if missing, the default timing is used; not allowed together with `roundabout`
   std::optional<SignalConfig> signal;
   std::optional<RoundaboutConfig> roundabout;
   double left_share = 0.2;

@@ -102,8 +102,8 @@ bool is_folder_name(const std::string& name) {
   return plain && config::begins_as_name(name);
 }
 
-/// Checks that the names of mounts can be names of folders. Each of several mounts has a folder,
-/// beside the folder of the fused frames.
+/// Checks that mount names can be folder names if a scene has several mounts. Each mount then has a
+/// folder beside the folder of the fused frames.
 template <class Fields>
 void check_mounts(Fields& f, const SceneConfig& c) {
   for (const auto& [name, mount] : c.mounts) {

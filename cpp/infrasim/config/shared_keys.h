@@ -4,7 +4,7 @@
 
 #include "infrasim/config/fields.h"
 
-// Keys that several structs share.
+// Functions that visit keys which several configuration structs share.
 
 namespace infrasim {
 

@@ -2,7 +2,8 @@
 
 #include "infrasim/config/static_objects_config.h"
 
-// Keys of static objects and vegetation. Fields is FieldReader, FieldWriter or FieldLister.
+// Functions that visit the keys of static objects and vegetation. The template parameter Fields is
+// FieldReader, FieldWriter or FieldLister.
 
 namespace infrasim {
 

@@ -12,14 +12,14 @@
 
 namespace infrasim {
 
-/// The material of a mesh; the values are those of Class.
+/// The material of a mesh. The numbers are those of the point classes in Class.
 enum class Material { kRoad, kSidewalk, kTerrain, kStructure, kVegetation };
 
 std::span<const char* const> enum_names(Material);
 
 /// A surface from a file, in the world frame.
 struct MeshConfig {
-  std::string file;  ///< .ply, relative to the scene file
+  std::string file;  ///< path of a .ply file, relative to the scene file
   Material material = Material::kStructure;
   config::Place place;
 };
@@ -39,7 +39,7 @@ struct BuildingConfig {
 /// A wall along a road, from one station of its centreline to another.
 struct BarrierConfig {
   std::string road;
-  double offset_m = 0;  ///< positive to the left of the centreline
+  double offset_m = 0;  ///< offset from the centreline, positive to the left
   double height_m = 0.8;
   double width_m = 0.3;
   double from_m = 0;
@@ -78,7 +78,7 @@ struct HedgeConfig {
 /// A hedge along a road, defined like a barrier.
 struct HedgeAlongConfig {
   std::string road;
-  double offset_m = 0;  ///< positive to the left of the centreline
+  double offset_m = 0;  ///< offset from the centreline, positive to the left
   double height_m = 1.5;
   double width_m = 1;
   double base_m = 0;  ///< height of the lower edge above the road
@@ -108,7 +108,7 @@ struct TreeConfig {
 /// A row of trees along a road.
 struct TreesAlongConfig {
   std::string road;
-  double offset_m = 0;  ///< positive to the left of the centreline
+  double offset_m = 0;  ///< offset from the centreline, positive to the left
   double every_m = 10;
   double from_m = 0;
   double to_m = 1e9;

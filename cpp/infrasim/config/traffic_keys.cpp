@@ -18,7 +18,8 @@ void visit(Fields& f, SpeedConfig& c) {
   f.field("std_km_h", c.std_km_h, "standard deviation of the speeds", between(0, 50));
 }
 
-/// Visits the weights of vehicle classes. `why_not` is the error text for other classes.
+/// Visits the shares of the vehicle classes. `why_not` is the part of the error message that says
+/// why other classes are not allowed.
 template <class Fields>
 void visit_shares(Fields& f, std::map<std::string, double>& shares, const std::string& why_not) {
   f.field("class_shares", shares, "relative frequency of each object class", [] {

@@ -2,8 +2,8 @@
 
 #include "infrasim/config/traffic_config.h"
 
-// Keys of traffic, parked vehicles, pedestrians and cyclists. Fields is FieldReader, FieldWriter or
-// FieldLister.
+// Functions that visit the keys of traffic, parked vehicles, pedestrians and cyclists. The template
+// parameter Fields is FieldReader, FieldWriter or FieldLister.
 
 namespace infrasim {
 

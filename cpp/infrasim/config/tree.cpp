@@ -17,7 +17,7 @@ namespace infrasim::config {
 namespace {
 
 constexpr std::size_t kMaxNodes =
-    1'000'000;  // a small file with aliases can expand to any number of values
+    1'000'000;  // maximum number of values in a file; aliases can expand a small file to any number
 
 Place place_of(const YAML::Mark& mark, const std::string& name) {
   return {name, mark.line + 1, mark.column + 1};
@@ -25,7 +25,8 @@ Place place_of(const YAML::Mark& mark, const std::string& name) {
 
 constexpr std::uintmax_t kMostYamlBytes = std::uintmax_t{64} << 20;
 
-constexpr int kMaxDepth = 64;  // an alias may refer to a node that contains it
+// maximum number of nested levels; without it, an alias inside its own node would never end
+constexpr int kMaxDepth = 64;
 
 struct Converter {
   const std::string& name;
@@ -75,7 +76,7 @@ struct Converter {
   }
 };
 
-/// Records the start of the last document and ignores its content.
+/// Records where the last document of a YAML text starts, and ignores its content.
 class DocumentPlaces : public YAML::EventHandler {
  public:
   YAML::Mark last;
@@ -94,8 +95,8 @@ class DocumentPlaces : public YAML::EventHandler {
   void OnMapEnd() override {}
 };
 
-/// Returns the start of a second document. It reads documents one by one, because yaml-cpp's
-/// LoadAll never ends on a stray comma.
+/// Returns where the second document of a YAML text starts, if there is one. The documents are read
+/// one by one, because yaml-cpp's LoadAll never ends on a stray comma.
 std::optional<YAML::Mark> second_document(const std::string& text) {
   std::istringstream in(text);
   YAML::Parser parser(in);
@@ -110,7 +111,8 @@ Tree* find_mutable(Tree& tree, std::string_view key) {
                                : &tree.items[static_cast<std::size_t>(it - tree.keys.begin())];
 }
 
-/// Returns the child for one step of a dotted path. A child that is missing in a map is created.
+/// Returns the child of a node for one step of a dotted path. A child that is missing in a map is
+/// created.
 Tree& child(Tree& tree, const std::string& step, const std::string& option) {
   if (tree.kind == Tree::Kind::kSequence) {
     const auto index = parse_number<std::size_t>(step);
@@ -164,7 +166,7 @@ void check_characters(const std::string& text, const std::string& name) {
        at = find_unprintable(text, at + 1)) {
     const char byte = text[at];
     if (byte == '\n' || byte == '\r' || byte == '\t') continue;
-    const auto line_start = text.rfind('\n', at) + 1;  // 0 in the first line
+    const auto line_start = text.rfind('\n', at) + 1;  // in the first line, npos + 1 is 0
     const auto line = std::count(text.begin(), text.begin() + static_cast<long>(at), '\n') + 1;
     fail({name, static_cast<int>(line), static_cast<int>(at - line_start) + 1}, "(document)",
          "expected text in UTF-8, got the byte " + std::string(1, byte));

@@ -14,7 +14,7 @@ namespace infrasim::config {
 /// Source position of a value: `file:line:col`, or the option that set it.
 struct Place {
   std::string file;
-  int line = 0;  ///< from 1; 0 for a value without a line
+  int line = 0;  ///< line number, counted from 1; 0 for a value without a line
   int column = 0;
 };
 
@@ -33,7 +33,7 @@ struct Tree {
 /// Removes a key from a map and returns its value; nothing if the key is missing.
 std::optional<Tree> take(Tree& map, std::string_view key);
 
-/// "file:line:col: key: what" as one line.
+/// Returns the error message "file:line:col: key: what" as one line.
 std::string message(const Place& place, std::string_view key, std::string_view what);
 
 [[noreturn]] void fail(const Place& place, std::string_view key, std::string_view what);
@@ -47,7 +47,7 @@ Tree parse_tree(const std::string& text, const std::string& name);
 Tree merged(const Tree& base, const Tree& over);
 
 /// Sets the value at a dotted path (`mounts.pole.z_m`, `roads.0.name`), as `--set KEY=VALUE` does.
-/// Missing maps on the path are created. The strict reader checks the key later.
+/// Missing maps on the path are created. read_struct checks later whether the key exists.
 /// @throws ConfigError if the assignment is malformed or a list index is out of range
 void override_value(Tree& root, const std::string& assignment);
 

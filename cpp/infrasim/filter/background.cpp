@@ -31,7 +31,8 @@ struct Sample {
 int cell_of(const BackgroundModel& model, Vec3 p) {
   const double turn = math::atan2(p.y, p.x) / (2 * kPi) + 0.5;
   const double tilt = math::atan2(p.z, math::hypot(p.x, p.y)) / kPi + 0.5;
-  // Cells are centred on multiples of their width, like most beams of spinning sensors.
+  // The azimuths of cell centres are multiples of the cell width, like most beams of spinning
+  // sensors.
   const int a = static_cast<int>(std::lround(turn * model.azimuth_cells)) % model.azimuth_cells;
   const int e = std::min(static_cast<int>(tilt * model.elevation_cells), model.elevation_cells - 1);
   return e * model.azimuth_cells + a;

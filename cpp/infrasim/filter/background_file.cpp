@@ -15,7 +15,8 @@ namespace {
 
 constexpr std::string_view kMagic = "infrasim-background 1\n";
 
-/// The header; only elevation rows with a background are stored.
+/// The header of a background file. Only the elevation rows from the first to the last with a
+/// background are stored.
 struct Header {
   std::int32_t azimuth_cells, elevation_cells, first_row, rows;
 };

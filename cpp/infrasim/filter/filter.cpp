@@ -15,7 +15,7 @@ std::vector<int> keep_all(std::span<const FilterStep> steps, std::span<const flo
     std::vector<float> rest;
     rest.reserve(3 * kept.size());
     for (const int i : kept) rest.insert(rest.end(), {xyz[3 * i], xyz[3 * i + 1], xyz[3 * i + 2]});
-    std::vector<int> next = infrasim::apply(step, rest);  // not std::apply
+    std::vector<int> next = infrasim::apply(step, rest);  // the qualifier avoids std::apply
     for (int& i : next) i = kept[i];
     if (observer) observer(step, kept.size(), next.size());
     kept = std::move(next);

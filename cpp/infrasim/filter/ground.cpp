@@ -12,7 +12,7 @@ namespace infrasim {
 
 namespace {
 
-/// The plane n . p + d = 0 with a unit normal n. If it has no points, no plane was found.
+/// The plane n . p + d = 0 with a unit normal n. If `points` is 0, no plane was found.
 struct Plane {
   Vec3 normal;
   double d = 0;
@@ -26,8 +26,8 @@ constexpr std::size_t kFitPoints = 20000;
 constexpr int kMostPlanes = 8;
 constexpr double kHeightTolerance_m = 0.5;
 /// A plane within kClose_m of the expected height is the ground, even if another plane within
-/// kHeightTolerance_m has more points. It must have at least 1 / kFewer of the points of that
-/// plane.
+/// kHeightTolerance_m has more points. The ground must have at least 1 / kFewer of the points of
+/// that plane.
 constexpr double kClose_m = 0.15;
 constexpr std::size_t kFewer = 10;
 
@@ -39,7 +39,7 @@ pcl::PointCloud<pcl::PointXYZ>::Ptr fit_points(std::span<const float> xyz) {
   return cloud;
 }
 
-/// The largest nearly level plane.
+/// Returns the largest nearly level plane of the points.
 Plane largest_plane(const pcl::PointCloud<pcl::PointXYZ>::Ptr& cloud, const GroundPlane& ground) {
   // PCL prints a message if it finds no plane, which is not an error here. PCL's verbosity is a
   // global variable.

@@ -18,7 +18,7 @@ constexpr float kNone = std::numeric_limits<float>::infinity();
 struct HeightGrid {
   int rows = 0;
   int columns = 0;
-  std::vector<float> z;  ///< row-major
+  std::vector<float> z;  ///< heights, row-major
 
   HeightGrid(int row_count, int column_count)
       : rows(row_count),
@@ -33,8 +33,8 @@ struct HeightGrid {
 /// The lowest heights of the points, in a map of square cells and in polar cells along the rays.
 struct GroundGrids {
   double cell_m;
-  HeightGrid map;   ///< row: x, column: y
-  HeightGrid rays;  ///< row: azimuth, column: horizontal range
+  HeightGrid map;   ///< grid with rows along x and columns along y
+  HeightGrid rays;  ///< grid with a row per azimuth and columns along the horizontal range
 
   GroundGrids(int cells_out, const GroundMorphological& ground)
       : cell_m(ground.cell_m),
@@ -98,8 +98,8 @@ void fill_map(GroundGrids& grids) {
     }
 }
 
-/// Sets out[i] to the best value of in[i - half .. i + half] by `better`. Indices outside are
-/// ignored.
+/// Sets out[i] to the best value of in[i - half .. i + half] by `better`. Indices outside the
+/// vector are ignored.
 template <class Better>
 void slide(const std::vector<float>& in, int half, Better better, std::vector<int>& queue,
            std::vector<float>& out) {
@@ -132,7 +132,8 @@ void slide_windows(HeightGrid& grid, int half, Better better) {
   along(grid.columns, grid.rows, [&](int c, int r) -> float& { return grid.at(r, c); });
 }
 
-/// Grey opening: the highest of the minima of all windows that contain the cell.
+/// Applies a grey opening: each cell gets the highest of the minima of all windows that contain the
+/// cell.
 void open_windows(HeightGrid& grid, int half) {
   slide_windows(grid, half, std::less<>());
   for (float& z : grid.z)

@@ -28,11 +28,12 @@ std::string host() {
   return name.data();
 }
 
-/// .NAME.HOST.PID.COUNT.tmp, unique among processes and writes.
+/// Returns the hidden name .NAME.HOST.PID.COUNT.tmp, which is unique among processes and writes.
 std::filesystem::path hidden_file(const std::filesystem::path& file) {
   static const std::string kHost = host();
   static std::atomic<unsigned> count = 0;
-  const std::string name = file.filename().string().substr(0, 100);  // file systems allow 255 bytes
+  // file systems allow names of 255 bytes
+  const std::string name = file.filename().string().substr(0, 100);
   return file.parent_path() / ("." + name + "." + kHost + "." + std::to_string(::getpid()) + "." +
                                std::to_string(count++) + std::string(kEnding));
 }
@@ -68,7 +69,7 @@ AtomicFile::AtomicFile(std::filesystem::path file) : file_(std::move(file)) {
   do {
     hidden_ = hidden_file(file_);
     descriptor_ = ::open(hidden_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-  } while (descriptor_ < 0 && errno == EEXIST);  // left by an earlier process with the same id
+  } while (descriptor_ < 0 && errno == EEXIST);  // an earlier process with this id left the file
   if (descriptor_ < 0) fail(file_, errno);
 }
 

@@ -9,10 +9,10 @@ namespace infrasim {
 
 /// A file that is written in pieces under a hidden name in the same folder, and then renamed. A
 /// reader sees either the complete file or no file. If several processes write the file at the same
-/// time, the last one replaces the others. The class calls no fsync. It protects against a crash of
-/// the process, but not against a crash of the machine. If the path is a symbolic link, its target
-/// is written. Each function throws IoError with the path and the system's reason. The constructor
-/// throws ConfigError for a FIFO, a device or a socket.
+/// time, the last file replaces the others. The class calls no fsync. It protects against a crash
+/// of the process, but not against a crash of the machine. If the path is a symbolic link, its
+/// target is written. Each function throws IoError with the path and the system's reason. The
+/// constructor throws ConfigError for a FIFO, a device or a socket.
 class AtomicFile {
  public:
   explicit AtomicFile(std::filesystem::path file);

@@ -55,7 +55,7 @@ bool same_but_for_capitals(std::string_view a, std::string_view b) {
   return std::ranges::equal(a, b, {}, small, small);
 }
 
-/// Usual names of an intensity, as in pyinfra/exchange/pcd.py.
+/// Usual names of the intensity field, as in pyinfra/exchange/pcd.py.
 constexpr const char* kIntensities[] = {
     "intensity",        "reflectivity",        "i",
     "intensities",      "reflectance",         "remission",

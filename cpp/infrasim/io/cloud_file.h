@@ -18,7 +18,8 @@ struct CloudField {
   int count = 1;
 };
 
-/// The pose of the sensor in the frame of the scanned site: a unit quaternion, then a shift.
+/// The pose of the sensor in the frame of the scanned site: points are rotated by a unit quaternion
+/// and then shifted.
 struct Viewpoint {
   Vec3 shift;
   double w = 1;
@@ -26,7 +27,7 @@ struct Viewpoint {
 
   bool is_identity() const;
   /// Whether the shift would move points beyond the allowed range, as Earth-fixed coordinates do.
-  /// Such a shift is ignored.
+  /// apply() ignores such a shift.
   bool is_far() const;
   Vec3 apply(Vec3 stored) const;
 };
@@ -50,12 +51,13 @@ struct CloudFile {
   std::vector<float> column(std::string_view name) const;
   /// Values of the first field with a usual name of the intensity; empty if there is none.
   std::vector<float> intensity() const;
-  /// Smallest of 1, 255 and 65535 that no intensity exceeds, as in `pyinfra import`; else 1.
+  /// Returns the smallest of 1, 255 and 65535 that no intensity exceeds, as in `pyinfra import`; 1
+  /// if there is none.
   float intensity_max() const;
-  /// Row-major x y z as stored.
+  /// Returns x y z of all points as stored, row-major.
   std::vector<float> xyz() const;
-  /// Row-major x y z transformed by the viewpoint. The point 0 0 0 means no return and is not
-  /// moved.
+  /// Returns x y z of all points transformed by the viewpoint, row-major. The point 0 0 0 means no
+  /// return and is not moved.
   std::vector<float> moved_xyz() const;
   Viewpoint pose() const;
   CloudFile select(std::span<const int> keep) const;

@@ -28,10 +28,10 @@ class CsvReader {
   /// Goes to the first or next row; returns false if there is none.
   /// @throws ConfigError if the number of its cells differs from the header's
   bool next_row();
-  /// The row's next cell, from the first to the last.
+  /// Returns the next cell of the row.
   std::string_view cell();
   /// The row's next cell as a number; messages use `key` as its name.
-  /// @throws ConfigError if it is not a number or out of [low, high]
+  /// @throws ConfigError if the cell is not a number in [low, high]
   double number(std::string_view key, double low, double high);
   /// Like number(), but a blank cell gives `blank`.
   double number_or(double blank, std::string_view key, double low, double high);
@@ -47,8 +47,9 @@ class CsvReader {
 
   std::string name_;
   std::ifstream stream_;
-  std::vector<char> buffer_ = std::vector<char>(std::size_t{1} << 16);  ///< for the next line
-  std::string row_;                                                     ///< the current line
+  /// memory for the next line
+  std::vector<char> buffer_ = std::vector<char>(std::size_t{1} << 16);
+  std::string row_;            ///< the current line
   std::size_t cell_ = 0;       ///< start of the current cell in row_
   std::size_t next_cell_ = 0;  ///< start of the next cell in row_
   std::ptrdiff_t columns_;

@@ -25,8 +25,8 @@ std::vector<std::string> lines_of(const std::string& text) {
   return lines;
 }
 
-/// Throws an error about the first different line.
-/// @param there, of_run two texts that differ: the files' texts or their identities
+/// Throws an error that shows the first line in which two texts differ.
+/// @param there, of_run texts of the existing file and of the run, or their identities
 /// @param old_lines lines of the existing file
 [[noreturn]] void fail_at_difference(const std::filesystem::path& file, const std::string& there,
                                      const std::string& of_run,

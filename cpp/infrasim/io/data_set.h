@@ -11,8 +11,8 @@ namespace infrasim {
 /// @throws IoError
 void create_folder(const std::filesystem::path& folder);
 
-/// Locks a folder against other processes that use this class, as long as the object exists. It has
-/// no effect on a file system without locks.
+/// Locks a folder against other processes that use this class, as long as the object exists. The
+/// lock has no effect on a file system without locks.
 class FolderLock {
  public:
   explicit FolderLock(const std::filesystem::path& folder);
@@ -24,7 +24,8 @@ class FolderLock {
   int descriptor_;
 };
 
-/// Extracts the identity of the frames from the text of a file; `file` is its name for messages.
+/// Returns the identity of the frames (the content that determines them) from the text of a file.
+/// `file` is the name of the file for messages.
 /// @throws ConfigError if the text can't be read
 using Identity = std::function<std::string(const std::string& text, const std::string& file)>;
 

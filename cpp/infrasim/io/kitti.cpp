@@ -56,7 +56,7 @@ std::string label_text(const std::vector<ObjectRecord>& objects, bool all, Label
   for (const ObjectRecord& o : objects) {
     if (!all && o.points == 0) continue;
     const Box3d& b = time == LabelTime::kScan ? o.scan_box : o.box;
-    const double x = -b.y, y = -(b.z - b.dz / 2), z = b.x;  // camera frame
+    const double x = -b.y, y = -(b.z - b.dz / 2), z = b.x;  // position in the camera frame
     const double rotation_y = wrap_angle(-b.heading - kPi / 2);
     text += class_of(o.object_class).name;
     text += " 0.00 " + std::to_string(occluded(o.visibility));

@@ -9,33 +9,34 @@
 
 #include "infrasim/core/frame.h"
 
-// The KITTI object layout, with the additional folders `objects` and `fields`. Only this file uses
-// the camera frame: x right, y down, z forward, at the sensor.
+// Files of the KITTI object layout, with the additional folders `objects` and `fields`. Only this
+// file uses the camera frame: x right, y down, z forward, at the sensor.
 
 namespace infrasim {
 
-/// Label file, one line per object: type truncated occluded alpha bbox h w l x y z rotation_y. The
-/// location is the bottom centre in the camera frame. `occluded` is 0 for a visible share of at
-/// least 0.8, 1 for at least 0.4, 2 for less, and 3 if the share is unknown. The 2-D box is a
-/// placeholder, because there is no camera.
+/// Returns the text of a label file, one line per object: type truncated occluded alpha bbox h w l
+/// x y z rotation_y. The location is the bottom centre in the camera frame. `occluded` is 0 for a
+/// visible share of at least 0.8, 1 for at least 0.4, 2 for less, and 3 if the share is unknown.
+/// The 2-D box is a placeholder, because there is no camera.
 /// @param all whether to include objects without a point
 std::string label_text(const std::vector<ObjectRecord>& objects, bool all, LabelTime time);
 
 /// Returns the seven lines of a calibration file. The camera is at the sensor and looks along x.
 std::string calib_text();
 
-/// Columns id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility,
+/// Returns a table of objects with the columns
+/// id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility,
 /// scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box.
 std::string objects_csv(const std::vector<ObjectRecord>& objects, bool pitched = false);
 
-/// float32 x y z intensity per point, little-endian.
+/// Returns float32 x y z intensity of each point, little-endian.
 std::vector<std::byte> velodyne_bytes(const PointCloud& cloud);
 
-/// float32 time_s, uint16 ring, uint8 class, uint8 echo, int32 object_id per point, packed,
-/// little-endian.
+/// Returns float32 time_s, uint16 ring, uint8 class, uint8 echo, int32 object_id of each point,
+/// packed, little-endian.
 std::vector<std::byte> fields_bytes(const PointCloud& cloud);
 
-/// A frame number in six digits, NNNNNN.
+/// Returns a frame number with six digits, such as 000123.
 std::string frame_name(int frame);
 
 std::filesystem::path velodyne_file(const std::filesystem::path& lidar_folder, int frame);
@@ -59,7 +60,7 @@ std::vector<int> frames_on_disk(const std::filesystem::path& lidar_folder);
 
 /// Points of a frame on disk.
 struct RecordedPoints {
-  std::vector<float> xyz;  ///< row-major, metres, levelled frame
+  std::vector<float> xyz;  ///< x y z in metres, row-major, in the levelled frame
   std::vector<float> intensity;
   std::vector<std::uint16_t> ring;
 };
@@ -79,12 +80,13 @@ void write_point_mounts(const std::filesystem::path& lidar_folder, int frame,
                         std::span<const std::uint16_t> mounts);
 
 /// Writes one frame below `training/`. Each file is written under a temporary name and then
-/// renamed. The .bin is the last file, so a frame is complete if and only if its .bin exists.
+/// renamed. The file in `velodyne/` is the last one, so a frame is complete if and only if this
+/// file exists.
 /// @throws IoError
 void write_frame(const std::filesystem::path& lidar_folder, int frame, const Frame& data,
                  const FrameContent& content);
 
-/// Creates the folders of a LiDAR.
+/// Creates the folders for the frames of a LiDAR.
 /// @throws IoError
 void create_frame_folders(const std::filesystem::path& lidar_folder, bool point_fields);
 

@@ -20,7 +20,7 @@ namespace {
 
 constexpr std::string_view kNpyMagic = "\x93NUMPY";
 
-/// The parts of a file, as views of its bytes.
+/// The parts of a .npy file, as views of the file's bytes.
 struct NpyFile {
   std::string_view header;  ///< {'descr': '<f8', 'fortran_order': False, 'shape': (2, 2), }
   std::string_view data;
@@ -40,7 +40,7 @@ std::optional<NpyFile> split_npy(std::string_view bytes) {
   return NpyFile{bytes.substr(start, length), bytes.substr(start + length)};
 }
 
-/// The value of a header's entry such as `'descr': '<f4'`, up to the next comma or bracket.
+/// Returns the value of a header entry such as `'descr': '<f4'`, up to the next comma or bracket.
 std::string_view entry(std::string_view header, const std::string& name) {
   const auto at = header.find("'" + name + "': ");
   if (at == header.npos) return {};

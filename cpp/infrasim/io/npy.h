@@ -13,7 +13,7 @@ void write_npy(const std::filesystem::path& file, std::span<const double> values
                std::size_t columns);
 
 struct NpyTable {
-  std::vector<double> values;  ///< row by row
+  std::vector<double> values;  ///< values of the array, row by row
   std::size_t columns = 0;
 };
 

@@ -110,7 +110,7 @@ class PcdReader {
       if (i >= 3) length = math::hypot(length, value);
       cloud_.viewpoint += (i == 0 ? "" : " ") + values[i];
     }
-    // Programs that do not support a rotation write zeros.
+    // Programs that do not support a rotation write a quaternion of zeros.
     if (length != 0 && (length < 0.9 || length > 1.1))
       fail(key, "expected a quaternion of length 1, got " + fixed_text(length, 6));
   }

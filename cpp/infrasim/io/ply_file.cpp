@@ -44,7 +44,7 @@ constexpr std::array kPlyTypes{
 struct PlyProperty {
   std::string name;
   const PlyType* type = nullptr;
-  const PlyType* count = nullptr;  ///< count type of a list; null for a single value
+  const PlyType* count = nullptr;  ///< type of a list's length; null for a single value
 };
 
 struct PlyElement {
@@ -87,7 +87,7 @@ class PlyReader {
 
   // --- header -----------------------------------------------------------------------------------
 
-  /// The words of the next line.
+  /// Returns the words of the next line.
   std::vector<std::string_view> words() {
     const std::size_t end = text_.find('\n', at_);
     if (end == std::string::npos) fail("expected a .ply, got the end of the file in its header");

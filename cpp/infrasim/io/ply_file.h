@@ -15,8 +15,10 @@ struct PlySurface {
   std::vector<std::array<std::uint32_t, 3>> triangles;
 };
 
-inline constexpr std::size_t kMostTriangles = 20'000'000;  ///< per file
-inline constexpr double kFarthestVertex_m = 1e6;  ///< along an axis: map coordinates are rejected
+/// maximum number of triangles in a file
+inline constexpr std::size_t kMostTriangles = 20'000'000;
+/// maximum coordinate along an axis; map coordinates are larger and are rejected
+inline constexpr double kFarthestVertex_m = 1e6;
 
 /// Reads a .ply file, ascii or binary little-endian: x, y and z of the element `vertex`, and the
 /// list `vertex_indices` (or `vertex_index`) of `face`. Polygons become fans of triangles. Other

@@ -6,8 +6,8 @@
 #include <stdexcept>
 #include <string>
 
-// The differences between Embree 3 (Debian 12) and Embree 4 (Debian 13). If both are installed,
-// Embree 4 is used, as in CMake.
+// This header hides the differences between Embree 3 (Debian 12) and Embree 4 (Debian 13). If both
+// are installed, Embree 4 is used, as in CMakeLists.txt.
 
 #if __has_include(<embree4/rtcore.h>)
 #include <embree4/rtcore.h>
@@ -24,7 +24,7 @@ class EmbreeError {
   /// Registers this object with a device. The object must outlive the device.
   void watch(RTCDevice device) { rtcSetDeviceErrorFunction(device, keep, this); }
 
-  /// @throws std::runtime_error if there was one
+  /// @throws std::runtime_error if the device has reported an error
   void check() const {
     if (const RTCError code = code_.load(std::memory_order_acquire); code != RTC_ERROR_NONE)
       throw std::runtime_error("Embree error " + std::to_string(code) + ": " + text_.data());

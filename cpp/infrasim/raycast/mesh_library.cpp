@@ -25,7 +25,7 @@ GeometryHandle mesh_geometry(RTCDevice device, const MeshScene& mesh, const Embr
 
 MeshScene mesh_scene(RTCDevice device, const TriangleMesh& mesh, const EmbreeError& error) {
   MeshScene out{mesh.vertices, mesh.triangles, SceneHandle(rtcNewScene(device))};
-  out.vertices.emplace_back();  // Embree reads 4 bytes more than the last vertex has
+  out.vertices.emplace_back();  // Embree reads 4 bytes beyond the last vertex
   error.check();
   rtcSetSceneFlags(out.scene.get(), RTC_SCENE_FLAG_ROBUST);
   if (!out.triangles.empty())
@@ -39,9 +39,9 @@ MeshScene mesh_scene(RTCDevice device, const TriangleMesh& mesh, const EmbreeErr
 
 MeshLibrary::MeshLibrary(const TriangleMesh& background, std::span<const TriangleMesh> bodies)
     : impl_(std::make_unique<Impl>()) {
-  // One build thread, so that the hierarchy does not depend on the number of threads. One
-  // instruction set that every x86-64 processor has, and no configuration files of the user, so
-  // that the hits do not depend on the machine.
+  // Embree uses one build thread, so that the hierarchy does not depend on the number of threads.
+  // It uses an instruction set that every x86-64 processor has, and ignores the user's
+  // configuration files, so that the hits do not depend on the machine.
   impl_->device = rtcNewDevice("threads=1,set_affinity=0,ignore_config_files=1,isa=sse2");
   if (impl_->device == nullptr) throw std::runtime_error("Embree: no device");
   impl_->error.watch(impl_->device);

@@ -27,16 +27,16 @@ struct PlaneHit {
   double ahead;  ///< scalar product of the plane's normal and the ray's direction
 };
 
-/// A mesh with its hierarchy. Embree reads the vertices and triangles from here.
+/// A mesh with its Embree hierarchy. Embree reads the vertices and triangles from these vectors.
 struct MeshScene {
   std::vector<std::array<float, 3>> vertices;
   std::vector<std::array<std::uint32_t, 3>> triangles;
   SceneHandle scene;
 
-  /// Where a ray meets the plane of a triangle. Embree's own range depends on the processor, which
-  /// approximates reciprocals.
+  /// Returns where a ray meets the plane of a triangle. Embree's own range depends on the
+  /// processor, which approximates reciprocals.
   /// @param normal normal of the triangle, of any length
-  /// @param embree range that is used if the ray is parallel to the plane
+  /// @param embree range from Embree, used if the ray is parallel to the plane
   PlaneHit hit(std::uint32_t triangle, Vec3 normal, const BodyMotion::UnitRay& ray,
                float embree) const {
     const auto& v = vertices[triangles[triangle][0]];
@@ -47,8 +47,7 @@ struct MeshScene {
   }
 };
 
-/// One packet of rays. Fields that Embree does not change (masks, flags, nearest range) are set
-/// only once.
+/// One packet of rays. The masks and flags are set only once, because Embree does not change them.
 struct Packet {
   alignas(64) std::array<int, kPacketRays> valid{};
   RTCRayHit16 rh{};
@@ -77,7 +76,7 @@ struct Packet {
 
   bool hit(std::size_t i) const { return rh.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID; }
 
-  /// The hit of a ray that the packet contains.
+  /// Returns the hit of `ray`, which is ray `i` of the packet.
   PlaneHit plane_hit(std::size_t i, const MeshScene& mesh, const BodyMotion::UnitRay& ray) const {
     return mesh.hit(rh.hit.primID[i], {rh.hit.Ng_x[i], rh.hit.Ng_y[i], rh.hit.Ng_z[i]}, ray,
                     rh.ray.tfar[i]);
@@ -88,7 +87,7 @@ struct MeshLibrary::Impl {
   EmbreeError error;
   RTCDevice device = nullptr;
   std::vector<std::uint16_t> background_class;
-  std::vector<MeshScene> meshes;  ///< one per body, then the background
+  std::vector<MeshScene> meshes;  ///< meshes of the bodies, then of the background
 
   ~Impl() {
     meshes.clear();

@@ -15,25 +15,26 @@
 namespace infrasim {
 
 /// A body of the mesh library, which is scaled to its box and moves during one frame. Position and
-/// pitch are linear in time. The heading changes linearly along the shorter way. Levelled frame.
+/// pitch are linear in time. The heading changes linearly in the direction of the smaller turn.
+/// Boxes are in the levelled frame.
 struct MovingBody {
   int body = 0;
   Box3d from;
   Box3d to;
 };
 
-/// The box of a moving body at a share of the frame.
+/// Returns the box of a moving body at a time, which is a share of the frame.
 Box3d box_at(const MovingBody& body, double share);
 
-/// Transforms rays from the origin to the unit box of a moving body, each at its own time. Lengths
-/// along a ray do not change.
+/// Transforms rays that start at the origin into the unit box of a moving body, each ray at its own
+/// firing time. Ranges along a ray do not change.
 class BodyMotion {
  public:
   explicit BodyMotion(const MovingBody& body);
 
   struct UnitRay {
-    float x, y, z;     ///< origin
-    float dx, dy, dz;  ///< not of unit length
+    float x, y, z;     ///< origin of the ray
+    float dx, dy, dz;  ///< direction, not of unit length
     std::array<float, 3> at(float range) const {
       return {x + range * dx, y + range * dy, z + range * dz};
     }
@@ -88,19 +89,21 @@ class BodyMotion {
     return {cos_ * c - sin_ * s, sin_ * c + cos_ * s};
   }
 
-  static constexpr float kSmallTurn = 0.2F;  ///< rad; the series' error is below 3e-9
+  /// maximum turn for the series, in radians; the error is below 3e-9
+  static constexpr float kSmallTurn = 0.2F;
   float x_, y_, z_, travel_x_, travel_y_, travel_z_;
   float heading_, turn_, cos_, sin_;
-  float pitch_, pitch_turn_;  ///< positive: the nose points down
+  float pitch_, pitch_turn_;  ///< positive if the front of the body points down
   float inv_dx_, inv_dy_, inv_dz_;
 };
 
-/// Finds the bodies that a view can meet at any time of the frame.
+/// Finds the bodies that rays of a view can meet at any time of the frame. A view is a rectangle of
+/// directions.
 class BodyIndex {
  public:
   BodyIndex() { set(std::span<const MovingBody>{}); }
   void set(std::span<const MovingBody> bodies);
-  /// Like the function above, for any objects that are given by their views.
+  /// Sets any objects, given by their views.
   void set(std::vector<std::array<ViewBounds, 2>> views);
 
   /// Calls `visit` with the index of each body that the view may meet, in increasing order, until
@@ -118,7 +121,8 @@ class BodyIndex {
       }
     }
   }
-  /// Returns the view of each body. A body that lies across 180 degrees has a view of two parts.
+  /// Returns the view of each body. A body across the azimuth of 180 degrees has a view of two
+  /// parts.
   std::span<const std::array<ViewBounds, 2>> views() const { return bounds_; }
 
   bool any_in(const ViewBounds& view) const {
@@ -136,7 +140,8 @@ class BodyIndex {
 
   std::vector<std::array<ViewBounds, 2>> bounds_;
   std::size_t words_ = 0;
-  std::vector<std::uint64_t> bins_;  ///< one bit per body in each bin
+  /// for each bin, one bit per body, set if the body's view overlaps the bin
+  std::vector<std::uint64_t> bins_;
 };
 
 }  // namespace infrasim

@@ -17,14 +17,15 @@ namespace infrasim {
 
 namespace {
 
-constexpr int kGrid = 8;  // visibility rays along each side of a box
+constexpr int kGrid = 8;  // number of visibility rays along each side of the grid over a box
 
 /// Whether a ray meets the unit box, in which the mesh of a body lies, between two ranges. Also
 /// true for some rays that pass slightly beside the box.
 /// @param margin length by which the box is enlarged on each side, along x, y and z
 bool meets_unit_box(const BodyMotion::UnitRay& ray, float from, float to,
                     const std::array<float, 3>& margin = {}) {
-  constexpr float kHalf = 0.5F + 1e-3F;  // larger than rounding errors
+  // half the side of the unit box, with a margin larger than rounding errors
+  constexpr float kHalf = 0.5F + 1e-3F;
   const auto clip = [&](float origin, float direction, float beside) {
     const float inverse = 1 / direction, half = kHalf + beside;
     const float a = (-half - origin) * inverse, b = (half - origin) * inverse;
@@ -38,8 +39,8 @@ bool meets_unit_box(const BodyMotion::UnitRay& ray, float from, float to,
   return from <= to * (1 + 1e-5F);
 }
 
-/// Flushes denormals, as Embree's manual recommends for threads that cast. The destructor restores
-/// the caller's mode.
+/// Replaces denormal numbers by zero, as Embree's manual recommends for threads that cast. The
+/// destructor restores the caller's mode.
 class FlushedDenormals {
  public:
   FlushedDenormals() : before_(_mm_getcsr()) {
@@ -74,12 +75,13 @@ struct Raycaster::Impl {
   float time_scale = 1;
   Horizon horizon;
   Packet packet;
-  /// rays to cast at one body
+  /// numbers of the rays to cast at one body
   std::array<std::uint32_t, kPacketRays> queued{};
   std::array<BodyMotion::UnitRay, kPacketRays> queued_unit{};
   std::size_t queue_size = 0;
-  std::vector<std::vector<std::uint32_t>> packets_of;  ///< numbers of packets that may meet a body
-  RayBatch probe;                                      ///< rays of a visibility test
+  /// for each body, the packets that may meet it
+  std::vector<std::vector<std::uint32_t>> packets_of;
+  RayBatch probe;  ///< rays of a visibility test
   HitBatch probe_hits;
 
   Impl(const MeshLibrary::Impl& l, const CastOrigin& from)
@@ -90,7 +92,7 @@ struct Raycaster::Impl {
 
   const MeshScene& background() const { return library.meshes.back(); }
 
-  /// A ray in the frame of the library.
+  /// Returns a ray in the frame of the mesh library.
   BodyMotion::UnitRay in_library(const RayBatch& rays, std::uint32_t k) const {
     const auto [x, y, z] = origin.position;
     return {static_cast<float>(x),
@@ -244,7 +246,7 @@ void Raycaster::near_bodies(const RayBatch& rays, std::span<const std::uint32_t>
   for_each_packet(order, [&](std::span<const std::uint32_t> part) {
     ViewBounds view;
     for (const std::uint32_t k : part) view.add_cone(rays.dx[k], rays.dy[k], rays.dz[k], spread);
-    std::uint32_t meets = 0;  // one bit per ray of the part
+    std::uint32_t meets = 0;  // one bit per ray of the packet, set if its cone may meet a body
     m.index.for_each_in(view, [&](std::size_t body) {
       if (m.farthest_m[body] < from_m) return true;
       const BodyMotion& motion = m.motions[body];

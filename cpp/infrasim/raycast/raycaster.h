@@ -23,19 +23,18 @@ struct CastOrigin {
 /// Meshes that do not change during a run; shared by the raycasters of all mounts and threads.
 class MeshLibrary {
  public:
-  /// @param background triangles with a class each. Its frame is that of the library.
+  /// @param background triangles with a class each, in the frame of the library
   /// @param bodies     meshes in the unit box
   /// @throws std::runtime_error if Embree rejects a mesh
   MeshLibrary(const TriangleMesh& background, std::span<const TriangleMesh> bodies);
 
-  /// Returns an origin with its horizon.
+  /// Returns the origin of rays, with the horizon of the background there.
   CastOrigin origin(Vec3 position = {}, double yaw = 0) const;
   ~MeshLibrary();
   MeshLibrary(MeshLibrary&&) noexcept;
   MeshLibrary(const MeshLibrary&) = delete;
   MeshLibrary& operator=(const MeshLibrary&) = delete;
 
-  /// The Embree device of the meshes.
   RTCDeviceTy* device() const;
 
  private:
@@ -44,12 +43,12 @@ class MeshLibrary {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Nearest hits of rays from the origin of a sensor's levelled frame. Not thread-safe. Functions
-/// that cast throw std::runtime_error if Embree reports an error.
+/// Finds the nearest hits of rays from the origin of a sensor's levelled frame. The class is not
+/// thread-safe. Functions that cast throw std::runtime_error if Embree reports an error.
 class Raycaster {
  public:
   Raycaster(const MeshLibrary& library, const CastOrigin& origin);
-  /// A raycaster whose origin is that of the library's coordinates.
+  /// Makes a raycaster at the origin of the library's frame.
   explicit Raycaster(const MeshLibrary& library) : Raycaster(library, library.origin()) {}
   ~Raycaster();
   Raycaster(const Raycaster&) = delete;
@@ -61,13 +60,13 @@ class Raycaster {
   /// Upper limit of the elevation of everything in the scene.
   const Horizon& horizon() const;
 
-  /// Views of the bodies during the frame.
+  /// Returns the index of moving bodies by the directions that they cover during the frame.
   const BodyIndex& bodies() const;
 
   /// Finds the nearest hit of each ray in `order`, at the ray's own time. Rays are cast in packets
-  /// of 16 in that order, but the hits do not depend on it. The other rays become misses. Of
-  /// equally near hits, the hit on the background is used, otherwise the hit on the body with the
-  /// lowest index.
+  /// of 16 in that order, but the hits do not depend on the order. Rays that are not in `order`
+  /// become misses. Of equally near hits, the hit on the background is used, otherwise the hit on
+  /// the body with the lowest index.
   /// @param incidence whether to fill hits.cos_incidence, and hits.place for bodies
   void cast(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
             bool incidence = true);
@@ -83,7 +82,7 @@ class Raycaster {
 
   /// Sets `near` to the rays whose cone may meet a body before the ray's hit. The rays keep their
   /// order in `order`.
-  /// @param range  range of each ray's hit; +inf: none
+  /// @param range  range of each ray's hit; +inf if there is no hit
   /// @param spread tangent of half the cone's angle
   /// @param from_m bodies that stay nearer than this during the whole frame do not count
   void near_bodies(const RayBatch& rays, std::span<const std::uint32_t> order,

@@ -74,7 +74,7 @@ class Horizon {
   /// Returns false if a cone around the direction lies above all objects.
   /// @param spread tangent of half the cone's angle, 0 to 0.25
   bool covers(float dx, float dy, float dz, float spread = 0) const {
-    const float lowest = dz - spread;  // the sine changes no faster than the angle
+    const float lowest = dz - spread;  // the sine of elevation changes no faster than the angle
     // Near the zenith, small angles can be large differences of bearing.
     if (dz > kSteep) return lowest <= highest_;
     return lowest <= 0 ||

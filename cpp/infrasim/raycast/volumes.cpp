@@ -9,7 +9,7 @@ namespace {
 
 enum VolumeSample : unsigned { kLeaf, kFirstVolume };
 
-constexpr double kVolumeMargin_m = 0.01;  // larger than rounding errors
+constexpr double kVolumeMargin_m = 0.01;  // margin of nearest_m, larger than rounding errors
 
 }  // namespace
 
@@ -68,7 +68,7 @@ Volumes::Way Volumes::way_through(std::size_t volume, float dx, float dy, float 
 }
 
 Volumes::RayWay Volumes::with_limit(RayWay way) const {
-  constexpr double kSlack = 1e-5;  // more than the errors of exp and log
+  constexpr double kSlack = 1e-5;  // margin above the errors of exp and log
   const double depth = volumes_[way.volume].density_per_m * (way.way.to - way.way.from);
   way.passes = math::exp(-depth) * (1 - kSlack);
   return way;
@@ -87,8 +87,8 @@ void Volumes::stop_in(const RayWay& way, const Rng& rng, std::uint32_t ray, floa
   hits.range[ray] = stop;
   hits.object[ray] = -1;
   hits.class_id[ray] = static_cast<std::uint16_t>(Class::kVegetation);
-  // Leaves have random orientations. A leaf that faces the ray is hit more often, so P(cos < c) =
-  // c^2.
+  // Leaves have random orientations. A leaf that faces the ray is hit more often, so the cosine of
+  // incidence has the distribution P(cos < c) = c^2.
   hits.cos_incidence[ray] = static_cast<float>(std::sqrt(rng.open_uniform(kLeaf)));
 }
 

@@ -19,15 +19,15 @@ namespace infrasim {
 class Volumes {
  public:
   Volumes() = default;
-  /// @param volumes levelled frame
+  /// @param volumes volumes in the levelled frame
   explicit Volumes(std::span<const LeafVolume> volumes);
 
   bool empty() const { return volumes_.empty(); }
-  /// Views of the volumes.
+  /// Returns the index of volumes by the directions that they cover.
   const BodyIndex& index() const { return index_; }
   const Horizon& horizon() const { return horizon_; }
 
-  /// Part of a ray within a volume, metres; empty unless from < to.
+  /// Part of a ray within a volume, as ranges in metres; empty unless from < to.
   struct Way {
     double from = 0, to = 0;
   };
@@ -36,7 +36,7 @@ class Volumes {
     std::uint32_t ray;
     std::uint32_t volume;
     Way way;
-    double passes;  ///< a ray whose sample is smaller certainly passes the volume
+    double passes;  ///< a ray with a smaller random sample certainly passes the volume
   };
 
   /// Calls use(RayWay) for each volume that each ray meets before its hit.
@@ -62,13 +62,13 @@ class Volumes {
   /// Returns the way with `passes` computed. This saves time if a way is used several times.
   RayWay with_limit(RayWay way) const;
 
-  /// Replaces the hit of a ray if leaves on its way stop the ray before it.
+  /// Replaces the hit of a ray if leaves stop the ray before the hit.
   /// @param rng random stream of the ray
   void stop_in(const RayWay& way, const Rng& rng, std::uint32_t ray, float max_range,
                HitBatch& hits) const;
 
-  /// Replaces the hit of each ray that leaves stop before it. The result depends neither on the
-  /// order of the rays nor on rays that meet no volume.
+  /// Replaces the hit of each ray that leaves stop before the hit. The result depends neither on
+  /// the order of the rays nor on rays that meet no volume.
   /// @param order    rays that may meet a volume; neighbouring rays should be together
   /// @param rng_of returns the random stream of a ray by its index
   template <class RngOf>
@@ -88,9 +88,9 @@ class Volumes {
     bool ellipsoid;
     double density_per_m;
     double cos, sin;
-    double inv_x, inv_y, inv_z;  ///< 1 / half of its size
-    double x, y, z;              ///< origin of the rays
-    double nearest_m;            ///< no part of the volume is nearer
+    double inv_x, inv_y, inv_z;  ///< inverse of half the volume's size along each axis
+    double x, y, z;              ///< origin of the rays in the frame of the unit sphere
+    double nearest_m;            ///< lower limit of the range of any part of the volume, in metres
   };
   Way way_through(std::size_t volume, float dx, float dy, float dz) const;
 

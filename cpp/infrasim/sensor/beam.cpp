@@ -10,13 +10,14 @@ namespace infrasim {
 
 namespace {
 
-// sine; for rays closer to the vertical, rounding errors determine the axes
+// minimum sine of the angle between a ray and the unit's z axis; for smaller angles, rounding
+// errors would determine the directions left and up
 constexpr double kAlongUp = 1e-6;
 constexpr int kSubRaysOfRing = 6;  // number of sub-rays in ring 1; ring k has k times as many
-// where the outermost sub-rays are closer than this to the middle, one ray replaces the beam
+// If the outermost sub-rays are closer than this to the middle ray, one ray replaces the beam.
 constexpr float kLeastRadius_m = 0.02F;
-// If the ratio of a beam's axes is larger, the probes on the ring are the two ends of the longer
-// axis. Otherwise, they are every second sub-ray.
+// Limit of the ratio of a beam's axes. Above it, the probes on the ring are the sub-rays at the two
+// ends of the longer axis. Otherwise, the probes are every second sub-ray of the ring.
 constexpr double kLong = 3;
 
 }  // namespace
@@ -31,20 +32,21 @@ Beam::Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose)
   everywhere_ = config->where == BeamWhere::kEverywhere;
   const int rings = config->sub_rays / 2;
   const auto [narrow, wide] = std::minmax(config->horizontal_deg, config->vertical_deg);
-  // number of probes besides the middle one
+  // number of probes besides the middle sub-ray
   const int probes = wide > kLong * narrow ? 2 : kSubRaysOfRing / 2;
-  // area of the beam relative to the part of the middle sub-ray
+  // area of the beam divided by the area of the middle sub-ray's part
   const double parts = (2.0 * rings + 1) * (2 * rings + 1);
   const double left = math::tan(rad(config->horizontal_deg / 2));
   const double up = math::tan(rad(config->vertical_deg / 2));
   shares_[0] = static_cast<float>(1 / parts);
   for (int ring = 1; ring <= rings; ++ring) {
     const int n = kSubRaysOfRing * ring;
-    // The radius is the root mean square over the ring, whose limits are 2 ring - 1 and 2 ring + 1.
+    // The radius is the root mean square of the radii in the ring, from 2 ring - 1 to 2 ring + 1,
+    // relative to the radius of the beam.
     const double radius = std::sqrt((4.0 * ring * ring + 1) / parts);
     for (int i = 0; i < n; ++i) {
-      // The first sub-ray is on the longer axis of the ellipse. In a single ring, the probes are
-      // the first sub-rays.
+      // The first sub-ray is on the longer axis of the ellipse. If the beam has one ring, its first
+      // sub-rays are the probes.
       const int place = rings == 1 ? n / probes * (i % probes) + i / probes : i;
       const auto [along, across] = math::cos_sin(2 * kPi * place / n);
       places_.push_back(up > left ? Vec2{radius * left * across, radius * up * along}
@@ -56,14 +58,15 @@ Beam::Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose)
   }
   probe_shares_ = shares_;
   if (rings > 1) return;
-  // The mean square distance of the probes from the axes of the ellipse equals that of the ellipse,
-  // which is a quarter. With two probes, this is true only along the longer axis.
+  // With these shares, the mean square distance of the probes from each axis equals that of the
+  // ellipse: a quarter of the squared half-axis. With two probes, this is true only along the
+  // longer axis.
   const double on_ring = (probes == 2 ? 0.25 : 0.5) / ((4 + 1) / parts);
   probe_shares_.assign(1 + static_cast<std::size_t>(probes), static_cast<float>(on_ring / probes));
   probe_shares_[0] = static_cast<float>(1 - on_ring);
 }
 
-/// Returns the unit vectors to the left of a ray and upwards in its frame. For a ray along the
+/// Returns two unit vectors perpendicular to a ray: to its left and upwards. For a ray along the
 /// unit's z axis, left is the unit's y axis.
 std::array<Vec3, 2> Beam::axes_of(Vec3 ray) const {
   const Vec3 across = cross(up_, ray);

@@ -14,8 +14,9 @@
 namespace infrasim {
 
 /// A beam of elliptic cross-section with even brightness. It consists of a middle sub-ray and rings
-/// of sub-rays around it. Each sub-ray stands for a part of the ellipse: the middle for an inner
-/// ellipse, each of the others for a part of a ring. All parts are about equally large.
+/// of sub-rays around the middle. Each sub-ray stands for a part of the ellipse: the middle sub-ray
+/// for an inner ellipse, each other sub-ray for a part of a ring. All parts are about equally
+/// large.
 class Beam {
  public:
   /// @param config    without a value, the beam is one ray
@@ -23,22 +24,23 @@ class Beam {
   Beam(const std::optional<BeamConfig>& config, const Mat3& unit_pose);
 
   std::size_t sub_rays() const { return places_.size(); }
-  /// Number of probes: the first sub-rays. If they meet one surface, the others are not cast.
+  /// Returns the number of probes, which are the first sub-rays of a beam. If all probes meet the
+  /// same surface, the other sub-rays are not cast.
   std::size_t probes() const { return probe_shares_.size(); }
 
   /// Share of the beam's power in each sub-ray; the sum is 1.
   std::span<const float> shares() const { return shares_; }
-  /// Share of the beam's power in each probe, for a beam without other sub-rays; the sum is 1.
+  /// Share of the beam's power in each probe if only the probes are cast; the sum is 1.
   std::span<const float> probe_shares() const { return probe_shares_; }
 
   /// Tangent of the angle between a ray and its outermost sub-rays.
   float half_width() const { return half_width_; }
 
-  /// Range from which the outermost sub-rays are at least 2 cm from the middle ray. Bodies at
-  /// shorter ranges are cast with one ray.
+  /// Range from which the outermost sub-rays are at least 2 cm from the middle ray, in metres. For
+  /// bodies at shorter ranges, one ray is cast instead of the beam.
   float from_m() const { return from_m_; }
 
-  /// Whether all rays have sub-rays; otherwise only those near moving objects.
+  /// Whether all rays have sub-rays. If not, only rays near moving objects have them.
   bool everywhere() const { return everywhere_; }
 
   /// Appends sub-rays `from` to `to` - 1 of the selected rays, ray by ray. Sub-ray 0 is the ray
@@ -49,7 +51,8 @@ class Beam {
  private:
   std::array<Vec3, 2> axes_of(Vec3 ray) const;
 
-  std::vector<Vec2> places_;  ///< offsets of the sub-rays as tangents: left, up
+  /// offsets of the sub-rays from the ray to the left and upwards, as tangents of angles
+  std::vector<Vec2> places_;
   std::vector<float> shares_;
   std::vector<float> probe_shares_;
   float half_width_ = 0;

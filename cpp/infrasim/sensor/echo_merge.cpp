@@ -10,7 +10,7 @@ void EchoMerger::merge(std::span<const SubRay> sub_rays, const EchoBatch& sub_ec
                        std::span<const WeakerEcho> weaker, std::span<const std::uint32_t> beams,
                        std::span<const std::uint16_t> rings, EchoBatch& echoes,
                        std::vector<float>& sunlit, std::vector<WeakerEcho>* others) {
-  // The parts of all beams, beam by beam.
+  // Sorts the echoes of all sub-rays by beam. The echoes of beam b end at `end[b + 1]`.
   std::vector<std::uint32_t> end(beams.size() + 1);
   const auto add = [&](std::uint32_t beam) { ++end[beam + 1]; };
   for (std::size_t i = 0; i < sub_rays.size(); ++i)
@@ -53,8 +53,8 @@ void EchoMerger::merge(std::span<const SubRay> sub_rays, const EchoBatch& sub_ec
   }
 }
 
-/// Returns the sum of parts with the highest received power. Its power is 0 if there is none beyond
-/// the blind zone.
+/// Returns the sum of partial echoes with the highest received power. This power is 0 if no sum is
+/// beyond the blind zone.
 EchoMerger::Sum EchoMerger::strongest_sum(std::uint16_t ring) const {
   const auto [nearest, farthest] =
       std::ranges::minmax(parts_, {}, [](const PartialEcho& part) { return part.range; });
@@ -68,7 +68,8 @@ EchoMerger::Sum EchoMerger::strongest_sum(std::uint16_t ring) const {
   return best;
 }
 
-/// Returns the sum of the parts within the separation of part `a`, without the losses of the path.
+/// Returns the sum of the partial echoes within the separation of partial echo `a`. The attenuation
+/// on the path is not included.
 EchoMerger::Sum EchoMerger::sum_around(std::size_t a) const {
   float power = 0, weighted_range = 0, reflected = 0, best = 0;
   const PartialEcho* strongest = &parts_[a];

@@ -9,36 +9,36 @@
 
 namespace infrasim {
 
-/// An echo of a ray, besides its strongest one.
+/// An echo that is not the strongest echo of its ray.
 struct WeakerEcho {
   std::uint32_t ray;
   Echo echo;
 };
 
-/// A sub-ray of a beam.
 struct SubRay {
-  std::uint32_t beam;  ///< index among the beams
+  std::uint32_t beam;  ///< index of the beam
   float share;         ///< share of the beam's power
 };
 
-/// Merges the echoes of the sub-rays of beams. Echoes within a separation of each other are summed.
-/// The range of the sum is the power-weighted mean. Its reflectance is that of a full beam with the
-/// same power and a gain of 1.
+/// Merges the echoes of the sub-rays of a beam. Echoes that are closer than the separation are
+/// summed. The range of a sum is the mean weighted by power. Its reflectance is that of a surface
+/// that returns the same power from the full beam with a gain of 1.
 class EchoMerger {
  public:
   /// @param separation_m minimum distance between two echoes of a beam
   EchoMerger(double separation_m, const EchoPath& path)
       : separation_m_(static_cast<float>(separation_m)), path_(path) {}
 
-  /// Stores the strongest sum of each beam beyond the blind zone as the echo of its ray.
+  /// Stores the strongest sum of echoes of each beam as the echo of the beam's ray. Only sums
+  /// beyond the blind zone count.
   /// @param sub_rays   the sub-rays of all beams, in any order
   /// @param sub_echoes strongest echo of each sub-ray
   /// @param weaker     other echoes of the sub-rays
   /// @param beams      index of each beam's ray
   /// @param rings      ring of each ray
-  /// @param echoes     one per ray; those of other rays do not change
-  /// @param sunlit     one per ray: reflectance of everything that the beam hits, for the sunlight
-  ///   that it reflects
+  /// @param echoes     echo of each ray; echoes of rays without a beam do not change
+  /// @param sunlit     for each ray, the mean reflectance of everything that its beam hits, which
+  ///   determines the reflected sunlight
   /// @param others     if not null, gets the other sums of each beam, the strongest first
   void merge(std::span<const SubRay> sub_rays, const EchoBatch& sub_echoes,
              std::span<const WeakerEcho> weaker, std::span<const std::uint32_t> beams,
@@ -56,7 +56,7 @@ class EchoMerger {
   struct Sum {
     Echo echo;
     float received = 0;      ///< power after extinction; 0 in the blind zone
-    std::size_t around = 0;  ///< index of the part in the middle of the sum
+    std::size_t around = 0;  ///< index in `parts_` of the partial echo in the middle of the sum
   };
   Sum strongest_sum(std::uint16_t ring) const;
   Sum sum_around(std::size_t a) const;

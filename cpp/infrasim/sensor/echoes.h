@@ -10,10 +10,10 @@ namespace infrasim {
 
 /// What the detector receives from one ray.
 struct Echo {
-  float range;             ///< metres; +inf: no echo
-  std::int32_t object;     ///< index of the moving body; -1: background
+  float range;             ///< range in metres; +inf if there is no echo
+  std::int32_t object;     ///< index of the moving body; -1 for the background
   std::uint16_t class_id;  ///< class of the background
-  float reflectance;       ///< reflectance of the surface, reduced by the panes on the way
+  float reflectance;       ///< reflectance of the surface, reduced by the window panes on the path
   float gain;  ///< power relative to a Lambertian surface of this reflectance at normal incidence
 };
 
@@ -43,8 +43,8 @@ struct EchoBatch {
     reflectance[i] = echo.reflectance;
     gain[i] = echo.gain;
   }
-  /// Makes echoes of Lambertian surfaces from hits. It moves the columns of the hits, except for
-  /// their positions. The caller must then set the reflectance.
+  /// Makes echoes of Lambertian surfaces from hits. The function moves the columns of the hits,
+  /// except for the positions. The caller must then set the reflectance.
   void take(HitBatch& hits) {
     range.swap(hits.range);
     object.swap(hits.object);

@@ -11,8 +11,9 @@ namespace infrasim {
 
 namespace {
 
-/// Returns the span of some azimuths (degrees). A span across 180 degrees, which ends above 180, is
-/// used only if it is narrower than the other span by more than kLeastGain_deg.
+/// Returns the limits of some azimuths, in degrees. An interval across 180 degrees, which ends
+/// above 180, is used only if it is more than kLeastGain_deg narrower than the interval without 180
+/// degrees.
 std::pair<double, double> azimuth_span(std::vector<double> azimuths) {
   constexpr double kLeastGain_deg = 1;
   std::ranges::sort(azimuths);
@@ -35,7 +36,7 @@ FieldOfView field_of_view(const ScanPattern& pattern) {
   std::vector<double> azimuths;
   RayRange rays = pattern.fired_between(0, pattern.cycle_s());
   if (pattern.spins())
-    rays.last = rays.first + pattern.group_size();  // one group has all elevations
+    rays.last = rays.first + pattern.group_size();  // one group of columns has all elevations
   for (std::int64_t i = rays.first; i < rays.last; ++i) {
     const Vec3 d = pattern.ray(i).direction;
     azimuths.push_back(deg(math::atan2(d.y, d.x)));

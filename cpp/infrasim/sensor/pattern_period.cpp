@@ -12,8 +12,8 @@ namespace {
 
 constexpr int kLongestPeriod = static_cast<int>(kLongestScene_s / kShortestPeriod_s);
 
-/// Adds the rates (per second) of groups of rays and of turns of moving parts. Over a period, each
-/// rate must give a whole number.
+/// Appends the rates of ray groups and of turns of moving parts, per second. In a period of the
+/// pattern, the number of each must be whole.
 void add_rates(const PatternConfig& pattern, std::vector<double>& per_s) {
   if (pattern.spinning) {
     per_s.push_back(columns_per_s(*pattern.spinning) / columns_per_group(*pattern.spinning));
@@ -28,8 +28,8 @@ void add_rates(const PatternConfig& pattern, std::vector<double>& per_s) {
   }
 }
 
-/// Returns the step nearest to `step` with which all frames of a period occur. Of two equally near
-/// steps it returns the larger one.
+/// Returns the frame step nearest to `step` that selects all frames of a period. Of two equally
+/// near steps, the larger one is returned.
 std::int64_t step_beside(std::int64_t step, std::int64_t period) {
   for (std::int64_t off = 1;; ++off)
     for (const std::int64_t other : {step + off, step - off})
@@ -39,7 +39,8 @@ std::int64_t step_beside(std::int64_t step, std::int64_t period) {
 }  // namespace
 
 int pattern_period(const LidarConfig& lidar, int most) {
-  constexpr double kWhole = 1e-6;  // tolerance in turns or groups, far below a beam's width
+  // tolerance of numbers of turns or ray groups, far below a beam's width
+  constexpr double kWhole = 1e-6;
   std::vector<double> per_s;
   for (const LidarUnit& unit : lidar.units) add_rates(unit.pattern, per_s);
   for (int frames = 1; frames <= most; ++frames) {

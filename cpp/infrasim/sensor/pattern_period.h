@@ -13,9 +13,8 @@ namespace infrasim {
 int pattern_period(const LidarConfig& lidar, int most);
 
 /// Returns warnings about a selection of frames (first to last - 1 with a step), one line per
-/// LiDAR. A LiDAR has a warning if the step and its pattern's period have a common factor. The
-/// selection then has fewer different frames of the pattern than the same number of frames with
-/// another step.
+/// LiDAR. A LiDAR gets a warning if the step and the period of its pattern have a common factor.
+/// The selection then repeats frames of the pattern earlier than with another step.
 std::vector<std::string> period_warnings(const std::vector<LidarConfig>& lidars, int first,
                                          int last, int step);
 

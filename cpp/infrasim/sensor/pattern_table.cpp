@@ -11,8 +11,9 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kPhaseSpan_s = 600;  // maximum time that motors have run before a run starts
-constexpr double kMostRows = 2e8;     // maximum number of rows: 4.8 GB
+// maximum time for which free motors turn before the start of a run
+constexpr double kPhaseSpan_s = 600;
+constexpr double kMostRows = 2e8;  // maximum number of rows: 4.8 GB
 
 MotorPhase motor_phase(const PatternConfig& pattern) {
   if (pattern.spinning) return pattern.spinning->phase;
@@ -57,7 +58,7 @@ std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last,
       for (std::int64_t i = range.first; i < range.last; ++i) {
         const Ray ray = pattern.ray(i);
         const Vec3 d = pose * ray.direction;
-        // Rounding makes some vertical rays of tilted units longer than 1.
+        // Rounding makes the z component of some vertical rays of tilted units larger than 1.
         const double sine = std::clamp(d.z, -1.0, 1.0);
         rows.insert(rows.end(), {math::atan2(d.y, d.x), math::asin(sine), ray.time_s});
       }

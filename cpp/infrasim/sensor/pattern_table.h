@@ -31,8 +31,8 @@ std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last,
                                   std::optional<std::uint64_t> seed,
                                   const std::string& mount = kUsualMount);
 
-/// The field of view of each unit, in the unit's own frame.
-/// @throws ConfigError, with the LiDAR's name, for rays that can't be traced
+/// Returns the field of view of each unit of a LiDAR, in the frame of the unit.
+/// @throws ConfigError, with the LiDAR's name, if a prism reflects a ray totally
 std::vector<FieldOfView> fields_of_view(const LidarConfig& lidar);
 
 }  // namespace infrasim

@@ -11,8 +11,8 @@ namespace infrasim {
 
 namespace {
 
-/// Snell's law in vector form at a face with the given normal; mu = n_before / n_after. Totally
-/// reflected directions become NaN.
+/// Applies Snell's law in vector form at a face with the given normal. `mu` is the refractive index
+/// before the face divided by the index behind it. Totally reflected directions become NaN.
 void refract(Vec3 normal, double mu, DirectionBatch& directions) {
   for (std::size_t i = 0; i < directions.x.size(); ++i) {
     const double c =
@@ -33,7 +33,7 @@ void refract_flat(double mu, DirectionBatch& directions) {
   }
 }
 
-/// Directions behind one prism whose tilted face has the given normal.
+/// Computes the directions behind one prism. `tilted` is the normal of the prism's tilted face.
 void pass(const PrismConfig& prism, Vec3 tilted, DirectionBatch& directions) {
   const double n = prism.refractive_index;
   if (prism.faces == Faces::kTiltedFirst) {

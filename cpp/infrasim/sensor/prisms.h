@@ -7,13 +7,13 @@
 
 namespace infrasim {
 
-/// Directions of all lasers of a step, one column per component, so that loops over them can be
-/// vectorised.
+/// Directions of all lasers that fire at the same time, one column per component, so that loops
+/// over them can be vectorised.
 struct DirectionBatch {
   std::vector<double> x, y, z;
 };
 
-/// The directions of all lasers behind the prisms at one time.
+/// Computes the directions of all lasers behind the prisms at one time.
 /// @param tilts cosine and sine of the wedge angle of each prism
 /// @throws ConfigError for total reflection
 void trace(const std::vector<PrismConfig>& prisms,

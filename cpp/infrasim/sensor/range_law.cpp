@@ -22,13 +22,15 @@ constexpr double kEquallyGood = 1e-6;
 /// Number of times that the interval of the best exponent is halved, down to about 1e-6.
 constexpr int kHalvings = 20;
 
-/// A published range under one crossover. The logarithm of the published range divided by the law's
-/// range is `log_ratio + (0.5 - day_exponent) * log_sun` minus the logarithm of the dark range.
+/// A published range, for one value of the crossover. The logarithm of the published range divided
+/// by the law's range is `log_ratio + (0.5 - day_exponent) * log_sun` minus the logarithm of the
+/// dark range.
 struct Term {
   double log_ratio;
   double log_sun;  ///< logarithm of the sunlight relative to the crossover, at least 0
   double tolerance;
-  bool at_maximum;  ///< equals the device's maximum, and is only a lower limit
+  /// whether the range equals the LiDAR's maximum range, and is thus only a lower limit
+  bool at_maximum;
 
   double error(double exponent) const { return log_ratio + (0.5 - exponent) * log_sun; }
 };
@@ -48,7 +50,7 @@ std::vector<Term> terms_of(const std::vector<PublishedRange>& pairs, double cros
 }
 
 /// Returns the logarithm of the dark range that fits best for a given exponent. Ranges that equal
-/// the device's maximum are not used.
+/// the LiDAR's maximum range are not used.
 double best_log_dark_range(const std::vector<Term>& terms, double exponent) {
   double sum = 0, weights = 0;
   for (const Term& term : terms) {
@@ -102,7 +104,7 @@ RangeLaw fit_range_law(const DetectionConfig& detection, double max_range_m) {
   RangeLaw best{};
   double least = std::numeric_limits<double>::infinity();
   for (int i = 0; i <= 2 * kSteps && least > kEquallyGood; ++i) {
-    const int step = i % 2 == 0 ? -i / 2 : (i + 1) / 2;  // 0, 1, -1, 2, -2, ...
+    const int step = i % 2 == 0 ? -i / 2 : (i + 1) / 2;  // in the order 0, 1, -1, 2, -2, ...
     const double crossover_klux = math::pow(10, 2 + step / 100.0);
     const std::vector<Term> terms = terms_of(pairs, crossover_klux, max_range_m);
     const double exponent =

@@ -15,7 +15,7 @@ namespace infrasim {
 
 namespace {
 
-constexpr float kCarlaAttenuation = 0.004F;  // 1/m, CARLA's atmosphere_attenuation_rate
+constexpr float kCarlaAttenuation = 0.004F;  // CARLA's atmosphere_attenuation_rate, in 1/m
 
 enum ReturnSample : unsigned { kLoss, kKeep, kDetection, kNoise, kSamples };
 
@@ -24,12 +24,12 @@ double extinction(const WeatherConfig& weather) {
   return rain + math::log(20.0) / weather.visibility_m;
 }
 
-/// Larger than the absolute value of the normal quantile of any sample.
+/// Upper limit of the absolute value of the normal quantile of any uniform sample.
 constexpr double kCertain = 8.5;
 
-/// Decides whether a target is detected, with probability Phi(margin). The target is detected if
-/// the normal quantile of its uniform sample is below the margin. The quantile is computed only if
-/// the sample is close to the limit.
+/// Decides whether a target is detected, with probability Phi(margin), where Phi is the normal
+/// distribution function. The target is detected if the normal quantile of its uniform sample is
+/// below the margin. The quantile is computed only if the sample is close to the limit.
 class Detector {
  public:
   Detector() {
@@ -52,11 +52,13 @@ class Detector {
   }
 
  private:
-  static constexpr double kSlack = 1e-5;  // more than the error of normal_quantile
+  static constexpr double kSlack = 1e-5;  // margin above the error of normal_quantile
   static constexpr std::size_t kStepsPerUnit = 16;
   static constexpr std::size_t kSteps = static_cast<std::size_t>(2 * kCertain * kStepsPerUnit) + 2;
-  std::array<double, kSteps> always_{};  ///< a target with a smaller sample is always detected
-  std::array<double, kSteps> never_{};   ///< a target with a larger sample is never detected
+  /// for each step of the margin: a target with a smaller sample is always detected
+  std::array<double, kSteps> always_{};
+  /// for each step of the margin: a target with a larger sample is never detected
+  std::array<double, kSteps> never_{};
 };
 
 }  // namespace
@@ -75,7 +77,7 @@ ReturnModel::ReturnModel(const ReturnsConfig& config, const WeatherConfig& weath
   day_exponent_ = law.day_exponent;
   const auto has_limits = [](const Channel& c) { return c.range_at_10_percent_m || c.min_range_m; };
   if (std::ranges::none_of(channels, has_limits)) return;
-  // In full sun, all channels have the law of the LiDAR, scaled to the channel's 10 % range.
+  // Each channel has the range law of the LiDAR, scaled to the channel's range on a 10 % target.
   const double published_m = config.detection->range_at_10_percent_m;
   for (const Channel& c : channels) {
     const double scale = c.range_at_10_percent_m.value_or(published_m) / published_m;
@@ -105,7 +107,7 @@ bool ReturnModel::dropped_when_faint(const Rng& ray_rng, unsigned first_sample,
   return ray_rng.uniform(first_sample + kKeep) >= slope * intensity + 1 - d.zero_intensity_rate;
 }
 
-/// Computes what decides on each echo: the signal-to-noise ratio of LiDARs that detect by received
+/// Computes the strength of each echo: the signal-to-noise ratio if the LiDAR detects by received
 /// power, otherwise CARLA's intensity.
 void ReturnModel::strengths(const EchoBatch& echoes, const std::vector<float>& sunlit,
                             std::span<const std::uint16_t> rings, std::vector<double>& out) const {

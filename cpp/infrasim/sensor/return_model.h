@@ -13,15 +13,16 @@
 
 namespace infrasim {
 
-/// Largest number of echoes of a ray that can become points.
+/// Maximum number of echoes of a ray that can become points.
 inline constexpr std::size_t kMostEchoes = 8;
 
 /// Echoes that became points, in the order of the echoes.
 struct ReturnBatch {
-  std::vector<std::uint32_t> echo;  ///< index in the batch of echoes
-  std::vector<float> range;         ///< metres, with noise
-  std::vector<float> intensity;     ///< [0, 1]
-  std::vector<double> strength;     ///< strength of every echo, see `ReturnModel::strengths`
+  std::vector<std::uint32_t> echo;  ///< index of the echo in the batch of echoes
+  std::vector<float> range;         ///< range in metres, with noise
+  std::vector<float> intensity;     ///< intensity, 0 to 1
+  /// strength of each echo of the batch, see `ReturnModel::strengths`
+  std::vector<double> strength;
 
   std::size_t size() const { return echo.size(); }
   void resize(std::size_t n) {
@@ -33,39 +34,41 @@ struct ReturnBatch {
 
 /// Decides which echoes become points. Range limits and drop-off are as in CARLA 0.9. Detection
 /// depends on the ratio of the received power P = rho cos(theta) / R^2 exp(-2 alpha R) to the noise
-/// of the RangeLaw. The extinction alpha comes from rain (Marshall-Palmer) and fog (Koschmieder).
-/// Recorded surfaces have no additional losses.
+/// of the RangeLaw. R is the range, rho the reflectance, and theta the angle of incidence. The
+/// extinction alpha comes from rain (Marshall-Palmer) and fog (Koschmieder). Recorded surfaces have
+/// no additional losses.
 class ReturnModel {
  public:
   /// @param channels    channels of a spinning unit from the lowest ring up; their ranges replace
-  ///   those of `config` if the unit detects by received power. Empty for other units.
+  ///   those of `config` if the unit detects by received power. The span is empty for other units.
   /// @param first_ring  ring number of the unit's lowest laser
   ReturnModel(const ReturnsConfig& config, const WeatherConfig& weather,
               std::span<const Channel> channels = {}, int first_ring = 0);
 
   /// Sets `out` to the echoes that become points.
-  /// @param rng         stream of this unit and frame; ray i of the frame uses rng.at(i)
-  /// @param first_ray   number within the frame of the ray from which `number` counts
+  /// @param rng         random stream of this unit and frame; ray i of the frame uses rng.at(i)
+  /// @param first_ray   number in the frame of the ray whose `number` is 0
   /// @param echoes      reflectance and gain are read only if needs_reflectance()
   /// @param sunlit      reflectance of everything that the detector sees in this direction; for a
   ///   single ray it is that of its echo
   /// @param rings       ring of each echo; read only if has_channels()
   /// @param number      number of the ray of each echo; if empty, each ray has one echo
   /// @param rank        number of each echo among those of its ray, 0 to kMostEchoes - 1; if empty,
-  ///   each is the first
+  ///   each echo is the first of its ray
   void apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch& echoes,
              const std::vector<float>& sunlit, std::span<const std::uint16_t> rings,
              ReturnBatch& out, std::span<const std::uint32_t> number = {},
              std::span<const std::uint8_t> rank = {}) const;
 
-  /// Returns for each echo of the background whether at least one random sample makes it a point.
+  /// Returns, for each echo of the background, whether any random sample can make the echo a point.
   std::vector<bool> can_return(const EchoBatch& echoes, std::span<const std::uint16_t> rings) const;
-  /// The range or, if it lies in the blind zone of the ring, the end of the blind zone.
+  /// Returns the range or, if the range lies in the blind zone of the ring, the end of the blind
+  /// zone.
   float nearest(float range, std::uint16_t ring) const {
     return std::max(range, limits_of(ring).min_range_m);
   }
 
-  /// Whether channels have ranges of their own.
+  /// Whether any channel has a range or minimum range of its own.
   bool has_channels() const { return !by_ring_.empty(); }
 
   /// Whether rays are lost at random.
@@ -97,9 +100,10 @@ class ReturnModel {
   ReturnsConfig config_;
   EchoesConfig echoes_;
   double extinction_per_m_ = 0;
-  /// What may differ between the channels of a unit.
+  /// Properties that may differ between the channels of a LiDAR unit.
   struct ChannelLimits {
-    double signal_m2 = 0;  ///< signal of a reflectance of 1 at 1 m
+    /// signal of a target of reflectance 1 at 1 m, relative to the detection threshold in the dark
+    double signal_m2 = 0;
     float min_range_m = 0;
   };
   bool in_range(float range, std::uint16_t ring) const {
@@ -109,15 +113,17 @@ class ReturnModel {
     return by_ring_.empty() ? limits_ : by_ring_[static_cast<std::size_t>(ring - first_ring_)];
   }
 
-  ChannelLimits limits_;                ///< limits of channels without ranges of their own
-  std::vector<ChannelLimits> by_ring_;  ///< empty if no channel has a range of its own
+  ChannelLimits limits_;  ///< limits of channels without ranges of their own
+  /// limits of each ring; empty if no channel has a range of its own
+  std::vector<ChannelLimits> by_ring_;
   std::vector<float> min_range_by_ring_m_;
   int first_ring_ = 0;
-  double sun_per_rho_ = 0;  ///< sunlight on a reflectance of 1, relative to the law's crossover
+  /// sunlight that a target of reflectance 1 reflects, relative to the crossover of the RangeLaw
+  double sun_per_rho_ = 0;
   double day_exponent_ = kLawExponent;
 };
 
-/// Returns warnings, one line for each LiDAR with units on which the weather has no effect.
+/// Returns a warning for each LiDAR with a unit on which the weather has no effect.
 std::vector<std::string> weather_warnings(const WeatherConfig& weather,
                                           std::span<const LidarConfig> lidars);
 

@@ -11,7 +11,8 @@ namespace infrasim {
 namespace {
 
 constexpr int kTileSide = 4;
-constexpr std::int64_t kMostTurns = 1 << 17;  // maximum number of groups whose turns are kept
+// maximum number of groups for which results of `turn` are stored
+constexpr std::int64_t kMostTurns = 1 << 17;
 
 double positive_fmod(double value, double period) {
   const double r = std::fmod(value, period);
@@ -108,7 +109,7 @@ RayRange ScanPattern::fired_between(double from_s, double to_s) const {
       const double cycle = std::floor(since / cycle_s());
       const auto row = std::ranges::lower_bound(times, since - cycle * cycle_s());
       const std::int64_t rows = static_cast<std::int64_t>(cycle) * repeats_after();
-      // Several rows may have the same time as the first row.
+      // Without max, the number could be negative, as several rows may have the first row's time.
       return std::max<std::int64_t>(0, rows + (row - times.begin()) - first_row_);
     };
     return {row_at(from_s), row_at(to_s)};
@@ -134,7 +135,7 @@ std::int64_t ScanPattern::repeats_after() const {
   return groups_per_turn_ ? groups_per_turn_->numerator : 0;
 }
 
-/// Angle by which a unit has turned at the start of a group, 0 to 360 degrees.
+/// Returns the angle by which a unit has turned at the start of a group, 0 to 360 degrees.
 double ScanPattern::group_deg(std::int64_t group) const {
   if (!groups_per_turn_) {
     const SpinningConfig& s = *config_.spinning;
@@ -222,7 +223,7 @@ void ScanPattern::put(std::size_t k, Vec3 direction, double time_s, int member,
 void ScanPattern::generate_steps(std::int64_t first_group, double start_s,
                                  std::span<const std::uint32_t> which, RayBatch& rays) const {
   DirectionBatch directions;
-  std::int64_t traced = -1;  // group whose directions are known
+  std::int64_t traced = -1;  // group that `directions` belongs to
   for (const std::uint32_t k : which) {
     const std::int64_t group = first_group + rays.number[k] / group_size_;
     if (group != traced)

@@ -13,10 +13,10 @@
 
 namespace infrasim {
 
-/// A range of rays by their number since the start of the run.
+/// Consecutive rays, numbered from the start of the run.
 struct RayRange {
   std::int64_t first = 0;
-  std::int64_t last = 0;  ///< one past the end
+  std::int64_t last = 0;  ///< number of the ray after the last one
   std::int64_t size() const { return last - first; }
 };
 
@@ -29,7 +29,8 @@ struct Ray {
 /// Directions and times of the rays of one optical unit. Rays are fired in groups. A group is a
 /// column of channels, the lasers of one step, or one row of a table. If some channels do not fire
 /// in every column, a group is the shortest run of columns after which the same channels fire
-/// again. Groups are numbered from the start of the run. A pattern does not restart at a frame.
+/// again. Groups are numbered from the start of the run. A pattern does not restart at the
+/// beginning of a frame.
 class ScanPattern {
  public:
   /// @param phase_s   time by which the motors are ahead of their locked phase
@@ -47,21 +48,21 @@ class ScanPattern {
   double cycle_s() const;
 
   /// Returns the number of groups after which `generate` gives the same directions again, bit for
-  /// bit. The number is 0 for patterns that never repeat. These are prisms, and columns whose step
-  /// is not a short fraction of a turn.
+  /// bit. The number is 0 for patterns that never repeat: prisms, and columns whose step is not a
+  /// short fraction of a turn.
   std::int64_t repeats_after() const;
 
-  /// Rays of whole groups that start in [from, to) seconds.
+  /// Returns the rays of all groups that start at `from_s` or later and before `to_s`.
   RayRange fired_between(double from_s, double to_s) const;
 
-  /// One ray in double precision.
+  /// Returns the ray with a number, in double precision.
   Ray ray(std::int64_t index) const;
 
-  /// Generates the rays of whole groups, one after the other, in the levelled frame; times since
-  /// `start_s`.
+  /// Generates the rays of whole groups, one after the other, in the levelled frame. The times are
+  /// relative to `start_s`.
   void generate(RayRange range, double start_s, RayBatch& rays) const;
 
-  /// Generates some rays of a batch, whose `number` counts from the first ray of group
+  /// Generates selected rays of a batch. The batch's `number` counts from the first ray of group
   /// `first_group`.
   /// @param which positions in the batch, ascending; the other positions do not change
   void generate(std::int64_t first_group, double start_s, std::span<const std::uint32_t> which,
@@ -70,8 +71,8 @@ class ScanPattern {
   /// Sets the ring of each ray of a batch. The rays need not have directions.
   void set_rings(RayBatch& rays) const;
 
-  /// Returns an order of the rays of a number of groups in which neighbouring rays are together.
-  /// For a spinning unit, a tile of 4 columns by 4 neighbouring rings is together.
+  /// Returns the rays of `groups` groups in an order in which neighbouring rays are close together.
+  /// For a spinning unit, the order goes through tiles of 4 columns by 4 neighbouring rings.
   std::vector<std::uint32_t> tile_order(int groups) const;
 
  private:
@@ -91,8 +92,8 @@ class ScanPattern {
 
   PatternConfig config_;
   double phase_s_;
-  std::optional<Fraction>
-      groups_per_turn_;   ///< groups per turn of a spinning unit, if the fraction is exact
+  /// number of groups per turn of a spinning unit, if it is an exact fraction
+  std::optional<Fraction> groups_per_turn_;
   double start_deg_ = 0;  ///< angle between a spinning unit's x axis and its direction at time 0
   std::array<float, 9> pose_;
   Mat3 pose_exact_;
@@ -108,18 +109,20 @@ class ScanPattern {
   std::vector<Laser> lasers_;  ///< lasers of a group of a spinning unit
   struct Shot {
     std::uint32_t channel;
-    double elevation_deg, shift_deg;  ///< the shift is in the direction of rotation
-    double fire_time_s;               ///< after the start of the group
+    /// shift_deg is the azimuth offset in the direction of rotation
+    double elevation_deg, shift_deg;
+    double fire_time_s;  ///< firing time after the start of the group
   };
   std::vector<Shot> shots_;  ///< `lasers_` in double precision
-  /// result of `turn` for each group of a period; empty without a period or with too many groups
+  /// result of `turn` for each group of a period; empty if the pattern has no period or too many
+  /// groups
   std::vector<std::pair<float, float>> turns_;
-  DirectionBatch lasers_of_step_;                 ///< directions before the prisms
+  DirectionBatch lasers_of_step_;                 ///< directions of the lasers before the prisms
   std::vector<std::pair<double, double>> tilts_;  ///< cosine and sine of the prisms' wedge angles
 };
 
-/// Returns the channels of a spinning unit from the lowest ring up. Channels of one elevation keep
-/// their order.
+/// Returns the channels of a spinning unit from the lowest ring up. Channels of the same elevation
+/// keep their order.
 std::vector<Channel> channels_by_ring(const SpinningConfig& spinning);
 
 }  // namespace infrasim

@@ -13,17 +13,18 @@ namespace {
 /// Positions of windows and wheels of a class, as shares of the box unless stated otherwise. The
 /// values are nominal and fit the profiles in scene/vehicle_body.cpp.
 struct Layout {
-  double belt, window_top;           ///< shares of the height
-  double cabin_rear, cabin_front;    ///< shares of the length; windows lie between them
-  double window_rear, window_front;  ///< shares of the length; side windows lie between them
+  double belt, window_top;         ///< lower and upper edge of the windows, as shares of the height
+  double cabin_rear, cabin_front;  ///< ends of the cabin with its windows, as shares of the length
+  double window_rear, window_front;  ///< ends of the side windows, as shares of the length
   int side_windows;
-  double rear_axle, front_axle;  ///< shares of the length
+  double rear_axle, front_axle;  ///< positions of the axles, as shares of the length
   double wheel_radius_m;
 };
 
-// share of the length; rounding errors move a hit off the front or rear face by less
+// tolerance of a hit on the front or rear face, as a share of the length; rounding errors are
+// smaller
 constexpr double kOnFace = 1e-3;
-constexpr double kPillar_m = 0.14;  // width between side windows
+constexpr double kPillar_m = 0.14;  // width of the pillar between two side windows
 // half the width of windscreen and rear window, as a share of the vehicle's width
 constexpr double kScreenHalfWidth = 0.38;
 constexpr double kRoofNormal = 0.95;  // minimum z of the normal of a roof
@@ -102,10 +103,12 @@ constexpr float kTyreReflectance = 0.04F;
 constexpr float kInteriorReflectance = 0.05F;
 constexpr Optics kPlateOptics{.reflectance = 0.6F, .gain = 10};
 constexpr Optics kLampOptics{.reflectance = 0.3F, .gain = 4};
-constexpr float kGlassReflectance = 0.003F;  // diffuse reflectance of dust
-constexpr float kGlint =
-    1.6F;  // gain: two faces with 4 % each, 20 times that of a Lambertian surface
-constexpr double kGlintCosine = 0.99863;  // the glint is within 3 degrees
+constexpr float kGlassReflectance = 0.003F;  // diffuse reflectance of dust on a pane
+// power of a glint relative to a white Lambertian surface: two faces of a pane reflect 4 % each,
+// with a gain of 20
+constexpr float kGlint = 1.6F;
+// cosine of 3 degrees, the maximum angle of incidence of a glint
+constexpr double kGlintCosine = 0.99863;
 
 }  // namespace
 

@@ -14,12 +14,12 @@ enum class Part : std::uint8_t { kPaint, kGlass, kTyre, kGap, kPlate, kLamp };
 struct BodyHit {
   Class object_class;
   Vec3 size_m;  ///< length, width, height
-  Vec3 at;      ///< in the body's unit box, [-0.5, 0.5], x forward, y left
+  Vec3 at;      ///< position in the body's unit box, [-0.5, 0.5], x forward, y left
   Vec3 normal;  ///< unit vector in the body's frame, pointing inwards or outwards
 };
 
-/// Returns the part of a vehicle at a hit. The part depends on the position, but not on the level
-/// of detail. Parts that are off in `asked` count as paint.
+/// Returns the part of a vehicle that a ray hits. The part depends on the position, but not on the
+/// mesh's level of detail. Parts that are switched off in `asked` count as paint.
 Part part_at(const BodyHit& hit, const VehicleParts& asked);
 
 /// Optical properties of a surface: diffuse `reflectance`, and `gain`, the power towards the LiDAR
@@ -40,7 +40,7 @@ Optics interior_optics(double cos_incidence);
 /// Share of power that remains after passing a pane in both directions.
 inline constexpr float kPaneTwice = 0.25F;
 
-/// Height of the lower edge of bodies above the road.
+/// Height of the lower edge of vehicle bodies above the road.
 inline constexpr double kSillHeight_m = 0.2;
 
 /// Returns whether rays can pass through the cabin. They cannot in a truck, which has a wall behind
