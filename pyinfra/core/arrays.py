@@ -17,6 +17,6 @@ Records = npt.NDArray[np.void]  # structured array (n,), such as the fields of n
 
 Floats = npt.NDArray[np.floating]  # float32 for large arrays such as clouds, else float64
 AnyArray = npt.NDArray[Any]
-# Decorator for functions that check numbers only after reading them from a file. It suppresses
-# NumPy's warnings about numbers such as signalling NaN.
+# Decorator for functions that read numbers from files before checking them. It suppresses NumPy's
+# warnings, for example about signalling NaN.
 unchecked = np.errstate(invalid="ignore", over="ignore")

@@ -8,8 +8,7 @@ from pathlib import Path
 from pyinfra.dataset.frames import data_set_of
 from pyinfra.formats.kitti import read_yaml
 
-# Version of the simulated frames in pyinfra 0.3 and 0.4. Files without the key `frames_version`
-# also have this version.
+# Version of simulated frames in pyinfra 0.3 and 0.4, and in files without `frames_version`.
 FIRST = "3"
 # Column of tables with the frames_version of the detector's training frames.
 LEARNT = "learnt_frames_version"

@@ -92,8 +92,7 @@ class FusedFrames(SimulatedFrames):
         out["points"] = np.add.reduceat(every["points"], first)
         mean = np.add.reduceat(every["points"] * late, first) / np.maximum(out["points"], 1)
         out["scan_time_s"] = middle + mean
-        # Each position is interpolated linearly between mid-frame and the scan time farthest from
-        # it.
+        # Each position is interpolated linearly between mid-frame and the most distant scan time.
         order = np.lexsort((-np.abs(late), every["id"]))[first]
         far, most = every[order], late[order]
         share = np.divide(mean, most, out=np.zeros_like(mean), where=most != 0)

@@ -22,7 +22,7 @@ from pyinfra.dataset.world_frame import to_levelled
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import RoadShape, WorldPose
 
-F = TypeVar("F", bound=np.floating[Any])  # element type: float32 for points, float64 for boxes
+F = TypeVar("F", bound=np.floating[Any])  # number type, float32 for points and float64 for boxes
 
 MOST_HEIGHT_M = 100.0  # largest height of a sensor above the road that a user may give
 CELL_M = 1.0  # cell size of a relief, equal to the point spacing of road centrelines

@@ -44,8 +44,8 @@ UNMOVED_SHARE = 0.8
 # Mean absolute change of ln range above which a sensor has turned or moved. The mean is taken over
 # the sectors that change least.
 TURNED, MOVED = 0.08, 0.35
-# Horizontal distance that is next to the sensor, and increase in the share of points within this
-# distance that indicates dirt on the sensor's window.
+# Distance that is next to the sensor, and increase in the share of points within this distance that
+# indicates dirt on the window.
 NEAR_M, NEAR_SHARE = 1.0, 0.05
 MOST_FRAMES = 1000  # maximum number of frames of a recording that are checked
 MOST_RANGES = 6  # maximum number of frame ranges in a message
@@ -80,7 +80,7 @@ class _Features:
     lines: IntArray  # (lines,) number of points of each line
     elevations: FloatArray  # (lines,) mean elevation of each line, radians
     near: float  # share of the points next to the sensor
-    digest: bytes  # digest of the points
+    digest: bytes
     end_s: float  # latest time of a point in the frame
 
 

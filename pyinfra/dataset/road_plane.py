@@ -230,8 +230,7 @@ def _shares(ground: LowestPoints, plane: FloatArray) -> tuple[float, float]:
     near = float(ground.near[on].sum() / ground.near.sum())
     if ground.moved.sum() < MOVED_COLUMNS:
         return near, math.nan
-    # Because of the square root, the weight decreases more slowly with distance for ground under
-    # traffic than for other ground.
+    # The square root makes the weight of ground under traffic decrease more slowly with distance.
     weight = np.sqrt(ground.near[ground.moved])
     return near, float(weight[on[ground.moved]].sum() / weight.sum())
 

@@ -25,8 +25,8 @@ _RENAMED_COLUMNS = {
     "seam_turned_deg": "cut_angle_turned_deg",
     "world": "vehicles_digest",
 }
-# Maps values of version 0.3 to current values, by column. The column `measure` is missing here,
-# because its values are column names and are renamed like columns.
+# Maps values of version 0.3 to current values, by column. The values of the column `measure` are
+# column names, which _RENAMED_COLUMNS maps.
 _RENAMED_VALUES = {
     "arm": {"specialist": "site_trained"},
     "fails_first": {"ghosts": "background"},

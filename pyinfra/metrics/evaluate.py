@@ -247,8 +247,7 @@ def _ap_rows(
             for iou in ious:
                 for protocol in settings.protocols:
                     matched = matches[iou, protocol == "kitti"]  # step 3: matching
-                    # Step 4: find the true positives, the false positives and the ignored
-                    # predictions.
+                    # Step 4: find true positives, false positives and ignored predictions.
                     match_result = count_matches(class_input, which, matched, settings.min_points)
                     row = ap_row(match_result, iou, protocol)  # steps 5 and 6: AP and its interval
                     rows.append({"class": name, "ground_truth": which, **row})

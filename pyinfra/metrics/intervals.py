@@ -22,8 +22,7 @@ from pyinfra.core.errors import Error
 SLOT_S = 1.0  # unit of time that is resampled as a whole
 BLOCK_STEP_S = 5.0  # block lengths are multiples of this time, so that they agree between LiDARs
 LEAST_BLOCK_S = 20.0  # minimum block length; false positives can last longer than vehicles
-# Block length in seconds for vehicles without ids, for which the time in the region is unknown. It
-# is suitable for a motorway.
+# Block length for vehicles without ids, whose time in the region is unknown. It suits a motorway.
 UNKNOWN_BLOCK_S = 20.0
 REPLICATES = 1000
 SEED = 1

@@ -74,8 +74,7 @@ class FieldOfView:
     azimuth: tuple[float, float]
     elevation: tuple[float, float]
     range_m: tuple[float, float]
-    # Pose of the sensor to which this unit belongs. None stands for a sensor at the origin, with
-    # the tilt that all units share.
+    # Pose of this unit's sensor. None stands for the origin, with the tilt that all units share.
     at: SensorPose | None = None
 
 
