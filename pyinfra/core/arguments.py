@@ -228,7 +228,7 @@ def _whole(value: Any) -> int:
 
 def _number(value: Any) -> int | float:
     is_number = isinstance(value, numbers.Real) and not isinstance(value, bool)
-    if not is_number:  # functions refuse NaN themselves, and say what they expect
+    if not is_number:  # NaN passes; the called function rejects NaN and says what it expects
         raise _NoMatch("a number")
     return int(value) if isinstance(value, numbers.Integral) else float(value)
 

@@ -14,7 +14,7 @@ from pyinfra.core.errors import Error
 # An overlap area up to this share of the squared longest side of both boxes is a rounding error and
 # counts as 0.
 _ROUNDING = 1e-14
-# Typical length, width and height of a car, and of a truck or bus.
+# Typical length, width and height of a car, and of a truck or bus, in metres.
 CAR_M, LONG_M = (4.3, 1.85, 1.6), (9.0, 2.5, 3.2)
 AROUND_M = 0.05  # points up to this far outside a box still belong to its vehicle
 _CHUNK = 8192  # pairs per batch, so that temporary arrays stay in the cache
@@ -153,7 +153,7 @@ def _overlap(a: FloatArray, b: FloatArray) -> FloatArray:
     area = (mean_x * (to_y - from_y)).sum(1)
     smaller = np.minimum(a[:, 3] * a[:, 4], b[:, 3] * b[:, 4])
     size = np.maximum(a[:, 3:5], b[:, 3:5]).max(1)
-    area[area <= _ROUNDING * size * size] = 0  # boxes that only touch
+    area[area <= _ROUNDING * size * size] = 0  # boxes that only touch have no overlap
     return np.asarray(np.minimum(area, smaller))
 
 

@@ -23,10 +23,11 @@ from pyinfra.core.files import check_size
 
 T = TypeVar("T")
 
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # CSafeLoader is ten times faster
-_MOST_LEVELS = 100  # maximum nesting; deeper recursion crashes libyaml
-_MOST_VALUES = 1_000_000  # maximum number of values, with aliases expanded
-MOST_BYTES = 64 << 20  # maximum size of a file
+# CSafeLoader is ten times faster than SafeLoader.
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_MOST_LEVELS = 100  # maximum depth of nested values; deeper nesting crashes libyaml
+_MOST_VALUES = 1_000_000  # maximum number of values in a file, with aliases expanded
+MOST_BYTES = 64 << 20  # maximum size of a file, in bytes
 # PyYAML raises these exceptions for some values that have no Python equivalent.
 NO_VALUE = (ValueError, LookupError, AttributeError, ArithmeticError)
 _MOST_LETTERS = 60  # a message shows at most this many letters of a value
@@ -97,7 +98,7 @@ def read_config(file: Path, kind: type[T]) -> T:
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         raise ConfigError(f"{file}:{line}: cannot be read as YAML: {error.problem}") from None
-    except yaml.YAMLError as error:  # a character that YAML does not allow
+    except yaml.YAMLError as error:  # the file contains a character that YAML does not allow
         raise ConfigError(
             f"{file}: cannot be read as YAML: {' '.join(str(error).split())}"
         ) from None
@@ -206,7 +207,7 @@ class _Location:
 class Part:
     """A section of a file. Its dataclass is known only after the rest of the file is read."""
 
-    location: _Location | None = None  # None: the file does not have the section
+    location: _Location | None = None  # place of the section; None if the file has no such section
 
     def read(self, kind: type[T]) -> T:
         """Reads the section into a dataclass. Raises ConfigError with file, line and key."""
@@ -237,7 +238,7 @@ def _struct(location: _Location, kind: type[T]) -> T:
     values = {key: _value(here, hints[key], rules[key]) for key, here in locations.items()}
     try:
         return kind(**values)
-    except ValueError as error:  # the class raised it, after a check of several keys together
+    except ValueError as error:  # raised by the class, which checks several keys together
         location.fail(str(error))
 
 

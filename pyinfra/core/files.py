@@ -36,7 +36,8 @@ def _beside(path: Path) -> Path:
 
 
 def _prefix(path: Path) -> str:
-    return f".{path.name[:100]}.{platform.node()}."  # file names are limited to 255 bytes
+    # The name is shortened, because file names are limited to 255 bytes.
+    return f".{path.name[:100]}.{platform.node()}."
 
 
 def _remove_leftovers(path: Path) -> None:
@@ -52,7 +53,7 @@ def _expect_regular(file: Path) -> None:
     """Raises Error for a FIFO, a device or a socket."""
     try:
         found = file.stat()
-    except (OSError, ValueError):  # such a path cannot be opened either
+    except (OSError, ValueError):  # if `stat` fails, the path cannot be opened either
         return
     kind = _KINDS.get(stat.S_IFMT(found.st_mode))
     if kind:
@@ -70,7 +71,7 @@ def regular_files_only(within: Iterable[Path] = (Path("/"),)) -> Iterator[None]:
     """
     if not _INSTALLED:
         _INSTALLED.append(True)
-        sys.addaudithook(_check_open)  # a hook cannot be removed
+        sys.addaudithook(_check_open)  # added only once, because an audit hook cannot be removed
     paths = [Path(path).absolute() for path in within if "\0" not in str(path)]
     paths += [path.parent for path in paths if (path.parent / "dataset.yaml").exists()]
     checked = {text for path in paths for text in (os.path.normpath(path), os.path.realpath(path))}
@@ -78,12 +79,12 @@ def regular_files_only(within: Iterable[Path] = (Path("/"),)) -> Iterator[None]:
     try:
         yield
     finally:
-        for path in checked:  # another thread may have added the same path
+        for path in checked:  # one by one, because another thread may have added the same path
             _CHECKED.remove(path)
 
 
 _INSTALLED: list[bool] = []
-_CHECKED: list[str] = []  # absolute paths of `regular_files_only`
+_CHECKED: list[str] = []  # absolute paths that `regular_files_only` currently checks
 
 
 def _check_open(event: str, arguments: tuple[Any, ...]) -> None:
@@ -117,7 +118,7 @@ def resolved(path: Path) -> Path:
     """Returns the absolute path without symbolic links. Raises OSError for a loop of links."""
     try:
         return path.resolve()
-    except RuntimeError:  # Python before 3.13
+    except RuntimeError:  # raised for a loop of links by Python before 3.13
         raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path)) from None
 
 
@@ -207,7 +208,7 @@ def naming(path: Path, beside: Path | None = None) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno is None:  # not an error of the system; its text may name the file
+        if error.errno is None:  # not an error of the system, so its text may name the file
             if str(path.parent) in str(error):
                 raise
             raise OSError(errno.EIO, str(error) or os.strerror(errno.EIO), str(path)) from error

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 _TIMES = Path("/proc/stat")
-_IDLE = (3, 4)  # columns of /proc/stat: idle, iowait
-_COLUMNS = 8  # the first 8 columns already include the times in the later ones (guest time)
+_IDLE = (3, 4)  # columns of idle time in /proc/stat: idle, iowait
+_COLUMNS = 8  # number of columns that are used; they include the guest time of later columns
 
 
 @dataclass
@@ -32,7 +32,7 @@ def other_load() -> Iterator[OtherLoad]:
     yield load
     wall = time.perf_counter() - started
     others = (_busy_seconds() - busy) - (time.process_time() - process_s)
-    if not math.isnan(others):  # clipped, because the resolution of the CPU clock is coarse
+    if not math.isnan(others):  # the load is clipped, because the CPU clock is coarse
         load.cores = min(max(0.0, others / wall), float(os.cpu_count() or math.inf))
 
 

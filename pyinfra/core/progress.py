@@ -6,7 +6,7 @@ from typing import TypeVar
 
 Item = TypeVar("Item")
 
-DELAY_S = 2.0  # a loop that ends sooner shows nothing
+DELAY_S = 2.0  # a loop that takes less time shows no progress
 
 
 def is_shown() -> bool:

@@ -14,14 +14,14 @@ from pyinfra.core.errors import Error
 from pyinfra.core.files import regular_files_only
 
 F = TypeVar("F", bound=Callable[..., Any])
-CALLER = 3  # `stacklevel` of a warning in a public function: the line of the user's call
+CALLER = 3  # `stacklevel` with which a public function's warning shows the line of the user's call
 MENDABLE = {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.EACCES, None}
 
 
 class PathError(Error, OSError):
     """The path in an argument is missing, of the wrong kind, not accessible, or exists already."""
 
-    exit_code = 1  # the same as for other errors of files
+    exit_code = 1  # exit code of a command, the same as for other errors of files
 
     def __new__(cls, *args: object) -> PathError:
         """Makes the error without __init__, as Dask does; Error's own is for another layout."""

@@ -8,7 +8,7 @@ KM_H = 3.6  # km/h in 1 m/s
 Preset = Literal["paper", "equal", "datasheet"]
 PRESETS: tuple[Preset, ...] = get_args(Preset)
 
-# Sizes of trainings and benchmarks.
+# Tiers, that is, sizes of trainings and benchmarks.
 Tier = Literal["smoke", "quick", "full"]
 TIERS: tuple[Tier, ...] = get_args(Tier)
 

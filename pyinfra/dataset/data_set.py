@@ -30,9 +30,9 @@ class DataSet:
     aggregation: str
     seed: int
     version: str
-    lidars: tuple[kitti.Lidar, ...]  # sorted by name
-    tilts: tuple[Tilt, ...]  # one per LiDAR
-    frames: tuple[int, ...]  # ascending; every LiDAR has the same frames
+    lidars: tuple[kitti.Lidar, ...]  # LiDARs of the data set, sorted by name
+    tilts: tuple[Tilt, ...]  # tilt of each LiDAR
+    frames: tuple[int, ...]  # frame numbers, ascending; every LiDAR has the same frames
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -9,10 +9,10 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray, IntArray, Points, Records
 
-LEAST_LINES = 8  # recordings with fewer lines are not checked
-LEAST_POINTS = 20  # minimum median number of points per frame of the neighbours of a missing line
-WIDE = 1.6  # minimum angle between the neighbours of a missing line, relative to the usual gap
-MOST_SHARE = 0.25  # if a larger share is missing, the numbers are probably not those of lines
+LEAST_LINES = 8  # recordings with fewer scan lines are not checked for dead lines
+LEAST_POINTS = 20  # minimum median number of points per frame of a scan line that works
+WIDE = 1.6  # minimum angle between the neighbours of a missing line, relative to the usual angle
+MOST_SHARE = 0.25  # if a larger share is missing, `ring` probably does not contain line numbers
 
 
 def elevations_of(points: Points, records: Records) -> FloatArray:

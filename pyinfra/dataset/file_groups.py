@@ -15,7 +15,7 @@ from pyinfra.core.progress import track
 from pyinfra.core.rows import Table, concatenated
 from pyinfra.formats.text_table import is_whole, lines_of
 
-_FILES = 256  # files per group
+_FILES = 256  # number of files in a group
 
 
 def joined(

@@ -31,7 +31,7 @@ class Cameras:
     """The calibrations of many frames. Identical calibrations are stored once."""
 
     different: tuple[kitti.Calibration, ...]
-    of_frame: IntArray  # (frames,) index into `different`
+    of_frame: IntArray  # (frames,) index of each frame's calibration in `different`
 
     def boxes(self, values: FloatArray, frame: IntArray) -> FloatArray:
         """Converts h w l x y z rotation_y (n, 7) in the frames (n,) to boxes (n, 7)."""
@@ -54,7 +54,8 @@ def read_vehicles(lidar_folder: Path, frames: Sequence[int]) -> Vehicles:
         vehicles = replace(vehicles, ids=track_ids(lidar_folder, vehicles.ids))
         if has_key(lidar_folder, b"frames_version"):
             return vehicles
-        return replace(vehicles, speed=np.full(len(vehicles), np.nan))  # recordings have speed 0
+        # Objects of recordings have speed 0, although their speed is unknown.
+        return replace(vehicles, speed=np.full(len(vehicles), np.nan))
     return read_labelled(lidar_folder, frames)
 
 

@@ -31,7 +31,7 @@ from pyinfra.dataset.regions import Region, region_of
 from pyinfra.formats import kitti
 
 Result = TypeVar("Result")
-KEPT = 16  # clouds that a sequence keeps in memory
+KEPT = 16  # number of clouds that a sequence keeps in memory
 
 
 class LidarFrame(Presented):
@@ -267,7 +267,7 @@ class RecordedFrames(FrameSequence):
 class ArrayFrames(FrameSequence):
     """Clouds in memory without labels, numbered from 0."""
 
-    clouds: tuple[Float32Array, ...]  # (n, 4) each
+    clouds: tuple[Float32Array, ...]  # points (n, 4) of each frame
     numbers: tuple[int, ...]
 
     @property

@@ -13,13 +13,13 @@ class Vehicles(Rows):
     """The n objects of several frames, in the levelled LiDAR frame."""
 
     frame: IntArray  # (n,) index into the requested frames, ascending
-    ids: IntArray  # (n,) track; -1 if it is unknown
-    names: NameArray  # (n,) class
-    boxes: FloatArray  # (n, 7) at the label time
-    mid_frame: FloatArray  # (n, 7) at mid-frame; the region tests use these boxes
+    ids: IntArray  # (n,) track number of each object; -1 if unknown
+    names: NameArray  # (n,) class of each object
+    boxes: FloatArray  # (n, 7) boxes at the label time
+    mid_frame: FloatArray  # (n, 7) boxes at mid-frame, which the region tests use
     points: IntArray  # (n,) number of this LiDAR's returns from the object; 1 if read from labels
     visibility: FloatArray  # (n,) visible share; -1 outside the region, NaN if read from labels
-    speed: FloatArray  # (n,) m/s along the heading; NaN if unknown
+    speed: FloatArray  # (n,) speed along the heading, m/s; NaN if unknown
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +28,9 @@ class Predictions(Rows):
 
     frame: IntArray  # (n,) index into the requested frames, ascending
     line: IntArray  # (n,) line number in the prediction file
-    names: NameArray  # (n,) class
-    boxes: FloatArray  # (n, 7)
-    scores: FloatArray  # (n,)
+    names: NameArray  # (n,) class of each box
+    boxes: FloatArray  # (n, 7) predicted boxes
+    scores: FloatArray  # (n,) scores of the boxes
     angle: FloatArray  # (n,) rotation_y or heading, unchanged from the file
 
 

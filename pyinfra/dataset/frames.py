@@ -13,7 +13,7 @@ from pyinfra.formats import kitti
 from pyinfra.formats.text_table import lines_of
 
 MOST_LISTED = 8  # maximum number of folders in a message
-PERIOD_S = 0.1  # frame period of the simulator, and default for folders without lidar.yaml
+PERIOD_S = 0.1  # frame period of the simulator in seconds, and default without lidar.yaml
 
 
 def period_of(lidar_folder: Path) -> float:

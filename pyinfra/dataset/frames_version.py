@@ -8,8 +8,9 @@ from pathlib import Path
 from pyinfra.dataset.frames import data_set_of
 from pyinfra.formats.kitti import read_yaml
 
-FIRST = "3"  # frames_version of versions 0.3 and 0.4, and of files that do not state it
-# Column of tables: frames_version of the frames that the detector was learnt from.
+# Version of simulated frames in pyinfra 0.3 and 0.4, and in files without `frames_version`.
+FIRST = "3"
+# Column of tables with the frames_version of the detector's training frames.
 LEARNT = "learnt_frames_version"
 NOT_MEASURED = "its accuracy on them was not measured"
 # End of a warning in commands that measure the accuracy on the frames.

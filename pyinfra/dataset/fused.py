@@ -26,7 +26,7 @@ from pyinfra.dataset.world_frame import rotation, to_levelled, to_world
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.yaml_file import read_keys
 
-AT_TIMES = ("", "scan_")  # prefixes of the columns of an object's poses
+AT_TIMES = ("", "scan_")  # prefixes of the columns of an object's pose, at mid-frame and scan time
 
 
 PoseError = tuple[FloatArray, FloatArray]  # rotation (3, 3) and shift (3,) of a LiDAR's points
@@ -42,7 +42,7 @@ class FusedFrames(SimulatedFrames):
     """
 
     others: tuple[SimulatedFrames, ...] = field(default=())
-    errors: tuple[PoseError | None, ...] = ()  # error of each LiDAR's pose; () for none
+    errors: tuple[PoseError | None, ...] = ()  # pose error of each LiDAR; () for no errors
 
     def of(self, numbers: Sequence[int]) -> FusedFrames:
         return replace(
@@ -83,7 +83,7 @@ class FusedFrames(SimulatedFrames):
         if not len(out):
             return out
         inside = out["visibility"] >= 0
-        unseen = ~np.isin(out["id"], parts[0]["id"])  # beyond the first LiDAR's range
+        unseen = ~np.isin(out["id"], parts[0]["id"])  # objects beyond the first LiDAR's range
         inside[unseen] = self._is_in_region(out[unseen])
         highest = np.maximum.reduceat(every["visibility"], first)
         out["visibility"] = np.where(inside, highest, -1)
@@ -92,7 +92,7 @@ class FusedFrames(SimulatedFrames):
         out["points"] = np.add.reduceat(every["points"], first)
         mean = np.add.reduceat(every["points"] * late, first) / np.maximum(out["points"], 1)
         out["scan_time_s"] = middle + mean
-        # Positions between mid-frame and the farthest scan time are interpolated linearly.
+        # Each position is interpolated linearly between mid-frame and the most distant scan time.
         order = np.lexsort((-np.abs(late), every["id"]))[first]
         far, most = every[order], late[order]
         share = np.divide(mean, most, out=np.zeros_like(mean), where=most != 0)

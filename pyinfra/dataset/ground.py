@@ -22,7 +22,7 @@ from pyinfra.dataset.world_frame import to_levelled
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import RoadShape, WorldPose
 
-F = TypeVar("F", bound=np.floating[Any])  # float32 for points, float64 for boxes
+F = TypeVar("F", bound=np.floating[Any])  # number type, float32 for points and float64 for boxes
 
 MOST_HEIGHT_M = 100.0  # largest height of a sensor above the road that a user may give
 CELL_M = 1.0  # cell size of a relief, equal to the point spacing of road centrelines
@@ -40,8 +40,9 @@ SHAPE_END_M = 150.0  # half width of the relief that is computed from a road sha
 class Relief:
     """Road heights in a grid of cells of CELL_M, in the levelled LiDAR frame."""
 
-    corner: tuple[float, float]  # lowest x and y of the grid
-    # (cells along x, cells along y), metres. Positions outside the grid use the nearest cell.
+    corner: tuple[float, float]  # lowest x and y of the grid, metres
+    # Height of each cell (cells along x, cells along y), metres. Positions outside the grid have
+    # the height of the nearest cell.
     heights: FloatArray
 
     def height(self, positions: npt.NDArray[F]) -> npt.NDArray[F]:
@@ -57,7 +58,7 @@ class Relief:
 class Ground:
     """Height z of the road, given by the relief if there is one, else by the plane."""
 
-    plane: tuple[float, float, float] = (0.0, 0.0, 0.0)  # z = a x + b y + c
+    plane: tuple[float, float, float] = (0.0, 0.0, 0.0)  # coefficients a, b, c of z = a x + b y + c
     relief: Relief | None = None
 
     def height(self, positions: npt.NDArray[F]) -> npt.NDArray[F]:

@@ -24,28 +24,31 @@ from pyinfra.formats import kitti
 HEALTH_FILE = "health.csv"
 HEALTH_PICTURE = "health.png"
 REFERENCE_S = 60.0
-LEAST_FRAMES = 5  # shorter recordings are not compared
-LEAST_POINTS = 1000  # recordings with fewer points per frame are not compared
-MOST_POINTS = 30_000  # number of points used per frame, evenly distributed
+LEAST_FRAMES = 5  # recordings with fewer frames are not checked
+LEAST_POINTS = 1000  # recordings with fewer points per frame are not checked
+MOST_POINTS = 30_000  # maximum number of points of a frame that are used, evenly distributed
 SECTORS = 72  # number of azimuth sectors, 5 degrees each
 CELL_M, REACH_M, NEAREST_M = 2.0, 40.0, 3.0  # ground grid: cell size, half side, inner radius
 SIDE = round(2 * REACH_M / CELL_M)
 LEAST_CELLS = 25
-FEW, MANY = 0.6, 1.7  # allowed number of points, as a share of the usual number
+FEW, MANY = 0.6, 1.7  # minimum and maximum number of points, relative to the usual number
 EMPTY = 0.02
-LOST = 0.3  # lines and sectors with less than this share of their points are lost
+LOST = 0.3  # a line or sector is lost if it has less than this share of its usual points
 LEAST_LOST_SECTORS = 3
 LEAST_LOST_LINES = 1
-LEAST_COUNT = 15  # lines and sectors with fewer points are not compared
+LEAST_COUNT = 15  # lines and sectors with a lower usual number of points are not checked
 TILT_DEG, LIFT_M = 0.8, 0.3
 TURN_SECTORS = 1
 FAR_QUANTILE = 0.85
 UNMOVED_SHARE = 0.8
-# Limits of the mean absolute change of ln range, over the sectors that change least.
+# Mean absolute change of ln range above which a sensor has turned or moved. The mean is taken over
+# the sectors that change least.
 TURNED, MOVED = 0.08, 0.35
-NEAR_M, NEAR_SHARE = 1.0, 0.05  # many returns next to the sensor are dirt on its window
-MOST_FRAMES = 1000  # largest number of frames that are read only for their health
-MOST_RANGES = 6  # ranges of frames in a message
+# Distance that is next to the sensor, and increase in the share of points within this distance that
+# indicates dirt on the window.
+NEAR_M, NEAR_SHARE = 1.0, 0.05
+MOST_FRAMES = 1000  # maximum number of frames of a recording that are checked
+MOST_RANGES = 6  # maximum number of frame ranges in a message
 
 
 @dataclass(frozen=True)
@@ -61,8 +64,8 @@ class FrameHealth:
     lost_lines: int
     lost_sectors_deg: int
     near_share: float
-    problems: str  # words separated by a space; empty for a good frame
-    dead_lines: str  # numbers of lines without points in all frames, separated by a space
+    problems: str  # names of problems, separated by spaces; empty for a good frame
+    dead_lines: str  # numbers of the lines without points in all frames, separated by spaces
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,14 +74,14 @@ class _Features:
 
     number: int
     points: int
-    sectors: IntArray  # (SECTORS,) points by azimuth
-    ranges: FloatArray  # (SECTORS,) distance of far points; NaN without points
+    sectors: IntArray  # (SECTORS,) number of points in each sector
+    ranges: FloatArray  # (SECTORS,) distance of far points in each sector; NaN without points
     ground: FloatArray  # (SIDE * SIDE,) lowest z in each cell; NaN without points
-    lines: IntArray  # (lines,) points by line
-    elevations: FloatArray  # (lines,)
+    lines: IntArray  # (lines,) number of points of each line
+    elevations: FloatArray  # (lines,) mean elevation of each line, radians
     near: float  # share of the points next to the sensor
-    digest: bytes  # digest of the points
-    end_s: float  # last time of a point
+    digest: bytes
+    end_s: float  # latest time of a point in the frame
 
 
 @dataclass
@@ -179,7 +182,7 @@ def folder_health(lidar_folder: Path, numbers: Sequence[int], period_s: float) -
         try:
             points = kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", number))
             records = kitti.read_fields(file) if has_fields and file.is_file() else None
-        except FormatError:  # other checks name frames that cannot be read
+        except FormatError:  # other checks report frames that cannot be read
             continue
         if records is not None and len(records) != len(points):
             records = None
@@ -312,7 +315,7 @@ def _turned(ranges: FloatArray, usual: FloatArray) -> tuple[float, float]:
     for shift in range(-SECTORS // 8, SECTORS // 8 + 1):
         moved = np.abs(np.log(np.maximum(np.roll(ranges, -shift), 0.1) / np.maximum(usual, 0.1)))
         moved = np.sort(moved[np.isfinite(moved)])
-        moved = moved[: round(UNMOVED_SHARE * len(moved))]  # traffic changes the other sectors
+        moved = moved[: round(UNMOVED_SHARE * len(moved))]  # leaves out sectors changed by traffic
         changes[shift] = float(moved.mean()) if len(moved) >= SECTORS // 6 else math.inf
     best = min(changes, key=lambda shift: (changes[shift], abs(shift)))
     if math.isinf(changes[0]):

@@ -9,8 +9,8 @@ from pyinfra.dataset.ground import MOST_HEIGHT_M
 from pyinfra.dataset.road_plane import road_of
 
 CHECKED = 5  # number of clouds in which the road is searched
-# Height difference above which there is a warning. It is larger than the random height errors with
-# which the pretrained detector v3 was trained.
+# Difference between given and measured sensor height above which there is a warning. It is larger
+# than the random height errors in the training of the pretrained detector v3.
 HEIGHT_OFF_M = 0.2
 # Tilt above which there is a warning. The pretrained detector v3 lost 3 to 9 AP at a tilt of 0.25
 # degrees, and 8 to 25 AP at 0.5 degrees.

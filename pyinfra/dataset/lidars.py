@@ -29,7 +29,7 @@ class LidarSheet:
     price_high_usd: float
     price_source: str
     price_date: str
-    lines: int | None = None  # None for a scan pattern without lines, and for a bundle
+    lines: int | None = None  # number of scan lines; None for a pattern without lines or a bundle
     horizontal_fov_deg: float = math.nan
     vertical_fov_deg: float = math.nan
     range_m: float = math.nan  # maximum range

@@ -70,7 +70,7 @@ def _with_recipe(name: str) -> Callable[..., Lidar]:
 def _facts(made: World | Lidar) -> dict[str, object]:
     if isinstance(made, Lidar):
         return {"name": made.name, "preset": made.preset, "period_s": made.period_s}
-    first, _, _ = made.dump().partition("\n")  # parsing the whole text would take long
+    first, _, _ = made.dump().partition("\n")  # parsing more than the first line would take long
     return {"name": yaml.safe_load(first)["name"], "frames": made.frames}
 
 

@@ -122,7 +122,7 @@ def _inside_and_near(
     for start, end in zip(outline, np.roll(outline, -1, axis=0), strict=True):
         (x, y), (ahead, up) = (points[:, :2] - start).T, end - start
         crosses = (y < 0) != (y < up)
-        if up != 0:  # the ray is parallel to x, so a side that is parallel to x does not cross it
+        if up != 0:  # the test ray is parallel to x, so it crosses no side that is parallel to x
             inside ^= crosses & (x < y / up * ahead)
         along = np.clip((x * ahead + y * up) / max(ahead**2 + up**2, 1e-12), 0, 1)
         near |= np.hypot(x - along * ahead, y - along * up) <= margin_m

@@ -17,13 +17,13 @@ from pyinfra.dataset.frames import data_set_of
 from pyinfra.formats import kitti
 
 ORIGIN_FILE = "origin.yaml"
-# Keys that identify the frames, and the model.
+# Keys of origin.yaml that identify the frames, and keys that identify the model.
 OF_FRAMES = ("lidar", "preset", "scene", "seed", "dataset_sha256", "lidar_sha256")
 OF_MODEL = ("model_sha256",)
-MODEL_FRAMES = "model_frames_version"  # frames_version of the training frames
+MODEL_FRAMES = "model_frames_version"  # key of the training frames' frames_version
 # Model files with these names are identified by the name of their training folder.
 RUN_FILES = ("last", "best", "background")
-# The prices in a lidar.yaml.
+# Matches the prices in a lidar.yaml.
 PRICES = re.compile(rb"^price_usd:\n(?:  .*\n)+|^price_total_usd: .*\n", re.MULTILINE)
 
 

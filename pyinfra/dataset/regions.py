@@ -151,7 +151,7 @@ def roads_region(roads: list[Road], pose: WorldPose, outlines: Sequence[FloatArr
     corners = to_levelled(np.concatenate(sides), pose)
     if outlines:
         drawn = to_levelled(np.concatenate(outlines), pose)
-        # The intersection of both bounding boxes.
+        # The new corners span the intersection of the bounding boxes of roads and outlines.
         corners = np.stack(
             [np.maximum(corners.min(0), drawn.min(0)), np.minimum(corners.max(0), drawn.max(0))]
         )

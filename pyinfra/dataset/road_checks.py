@@ -19,7 +19,7 @@ TRAFFIC = {  # arbitrary values, because a scene must have traffic
     "speed": {"mean_km_h": 50, "std_km_h": 1},
     "class_shares": {"Car": 1},
 }
-MOST_M = 0.02  # tolerance, because the coordinates in roads.csv are rounded
+MOST_M = 0.02  # tolerance in metres, because the coordinates in roads.csv are rounded
 
 
 def other_roads(lidar_folder: Path) -> str | None:
@@ -36,7 +36,7 @@ def other_roads(lidar_folder: Path) -> str | None:
         return None
     roads = {road.name: road for road in read_roads(file)}
     differences = [_difference(roads, _expected(keys, mount)) for mount in keys["mounts"]]
-    if "" in differences:  # the region is that of one of the mounts
+    if "" in differences:  # the file has the roads of one of the mounts
         return None
     return (
         f"{file}: expected the roads of the scene in {description.name}, got {differences[0]}; "
@@ -51,7 +51,7 @@ def _expected(keys: Mapping[str, Any], mount: str) -> dict[str, Road] | None:
     some = {key: keys[key] for key in KEYS if key in keys} | {"traffic": TRAFFIC}
     try:
         world = simulation.make_world(some, mount=mount)
-    except Error:  # a scene of another version of the simulator
+    except Error:  # the scene was written for another version of the simulator
         return None
     return {road.name: road for road in roads_of_world(world, "roads.csv")}
 

@@ -19,39 +19,39 @@ from scipy.spatial.transform import Rotation
 from pyinfra.core.arrays import BoolArray, FloatArray, Floats, IntArray, Points
 
 MOST_POINTS = 40_000  # clouds with more points are thinned
-LEAST_SHARE = 0.15  # minimum share of the ground on the best plane
+LEAST_SHARE = 0.15  # minimum share of the ground that lies on the best plane
 REACH_M = (2.0, 60.0)  # minimum and maximum slant range of the points that are used
 COLUMN_M = 1.0  # side of the vertical columns in which ground and motion are determined
 LOW_SHARE = 0.05  # share of a column's points that may lie below its ground
-LOW_M = 0.1  # points lower than this below the ground of a column are ignored
+LOW_M = 0.1  # points more than this below the ground of their column are ignored
 MOVED_M = 0.7  # height above a column's ground from which a return is an object
 # Minimum and maximum share of the frames in which a column with motion contains an object. Below
 # the minimum the object is noise; above the maximum it is static.
 MOVED_SHARE = (0.03, 0.6)
 MOVED_COLUMNS = 30  # minimum number of columns with motion for `moved_share`
-MOVED_WEIGHT = 2.0  # weight of the ground with motion relative to the ground near the sensor
+MOVED_WEIGHT = 2.0  # weight of `moved_share` relative to `share` in the score of a plane
 HALF_WEIGHT_M = 20.0  # horizontal distance at which ground has half the weight of ground at 0 m
 ON_M = 0.15  # ground within this distance of a plane is part of the plane
 TRIES = 1500  # number of random planes
 REFINED = 10  # number of best random planes that are fitted to the ground
 APART_M = 4.0  # minimum distance between the three points of a random plane
 MOST_TILT_DEG = 40.0
-SETTLED_DEG = 5.0  # maximum rotation by the second fit
+SETTLED_DEG = 5.0  # maximum rotation of the plane by the second fit
 HEIGHTS_M = (-2.0, 40.0)  # allowed height of the sensor above a plane
 FIT_M = 40.0  # horizontal distance up to which a plane is fitted to the ground
 NEAR_M = 0.3  # a fit uses ground within this distance of the plane
 SOFT_M = 0.1  # scale of the fit's Cauchy weights
-CROWN = (0.005, 0.05)  # allowed slopes of a crown
+CROWN = (0.005, 0.05)  # minimum and maximum slope of a road on both sides of its crown
 CROWN_GAIN = 0.25  # minimum share by which a crown must reduce the sum of squared residuals
-LEAST_ROWS = 50  # minimum number of columns for a crown
-LEAST_SIDE = 0.2  # minimum share of the ground on each side of a crown
+LEAST_ROWS = 50  # minimum number of columns to which a crown is fitted
+LEAST_SIDE = 0.2  # minimum share of the ground that lies on each side of a crown
 
 
 @dataclass(frozen=True)
 class RoadPlane:
     """The road plane in the frame of a sensor, whose z axis points up apart from its tilt."""
 
-    normal: tuple[float, float, float]  # unit vector, upwards
+    normal: tuple[float, float, float]  # unit normal of the plane, upwards
     height_m: float  # height of the origin above the plane
     residual_m: float  # root mean square distance of the ground from the plane or the crown
     share: float  # weighted share of the ground near the sensor that lies on the plane
@@ -76,8 +76,8 @@ class RoadPlane:
 class LowestPoints:
     """The ground point of each column, averaged over the lowest points of all frames."""
 
-    xyz: FloatArray  # (n, 3)
-    near: FloatArray  # (n,) weight that decreases with distance
+    xyz: FloatArray  # (n, 3) positions of the ground points, metres
+    near: FloatArray  # (n,) weight of each point, which decreases with distance
     moved: BoolArray  # (n,) whether an object moved above the point
     above: float  # share of all points that are more than MOVED_M above their column's ground
 
@@ -143,7 +143,7 @@ def _within_reach(clouds: Sequence[Floats]) -> tuple[FloatArray, IntArray]:
     parts = []
     for cloud in clouds:
         xyz = cloud[:, :3].astype(np.float64)
-        slant = np.linalg.norm(xyz, axis=1)  # NaN and inf fail the test below
+        slant = np.linalg.norm(xyz, axis=1)  # points with NaN or inf fail the test below
         parts.append(xyz[(slant >= REACH_M[0]) & (slant <= REACH_M[1])])
     frame = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     return np.concatenate([np.empty((0, 3)), *parts]), frame
@@ -230,7 +230,7 @@ def _shares(ground: LowestPoints, plane: FloatArray) -> tuple[float, float]:
     near = float(ground.near[on].sum() / ground.near.sum())
     if ground.moved.sum() < MOVED_COLUMNS:
         return near, math.nan
-    # The root makes the weight of traffic decrease more slowly with distance than that of ground.
+    # The square root makes the weight of ground under traffic decrease more slowly with distance.
     weight = np.sqrt(ground.near[ground.moved])
     return near, float(weight[on[ground.moved]].sum() / weight.sum())
 

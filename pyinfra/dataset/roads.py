@@ -16,8 +16,8 @@ from pyinfra.core.errors import FormatError
 from pyinfra.dataset.outlines import Drawn, in_any
 from pyinfra.formats.text_table import ColumnRule, between, lines_of, rows_by_name
 
-_MOST_STEPS = 1.5  # the longest step of a road, in median steps
-_CHUNK = 20_000  # points per batch
+_MOST_STEPS = 1.5  # longest step between points of a road, relative to the median step
+_CHUNK = 20_000  # number of points that are processed together
 
 ROAD_COLUMNS = ["road", "s", "x", "y", "z", "heading", "half_width"]
 _RULES = (
@@ -31,11 +31,11 @@ class Road:
     """The centreline of a road within the region, in the world frame, metres and radians."""
 
     name: str
-    s: FloatArray  # (n,) increasing
-    xy: FloatArray  # (n, 2)
-    z: FloatArray  # (n,)
-    heading: FloatArray  # (n,)
-    half_width: FloatArray  # (n,)
+    s: FloatArray  # (n,) station, increasing
+    xy: FloatArray  # (n, 2) x y of the centreline
+    z: FloatArray  # (n,) z of the centreline
+    heading: FloatArray  # (n,) heading of the road
+    half_width: FloatArray  # (n,) half width of the carriageway
 
     @property
     def outline(self) -> FloatArray:
@@ -48,8 +48,8 @@ class Places:
     """Road and station of n points. Each point belongs to the nearest road that contains it."""
 
     road: IntArray  # (n,) index into the roads; -1 outside the region
-    s: FloatArray  # (n,) metres; NaN outside the region
-    xy: FloatArray  # (n, 2) world frame if roads are known, else levelled frame
+    s: FloatArray  # (n,) station in metres; NaN outside the region
+    xy: FloatArray  # (n, 2) x y, in the world frame if roads are known, else in the levelled frame
 
     @property
     def inside(self) -> BoolArray:
@@ -70,7 +70,7 @@ def roads_of(lines: Sequence[str], file: Path) -> list[Road]:
 def _road(name: str, values: FloatArray, file: Path) -> Road:
     if len(values) < 2:
         raise FormatError(f"{file}: road {name}: expected two or more rows, got {len(values)}")
-    steps = np.diff(values[:, 0])  # at the ends of lanes from a file, steps are shorter
+    steps = np.diff(values[:, 0])  # lanes from a file have shorter steps at their ends
     if not (steps > 0).all():
         at = int(np.flatnonzero(~(steps > 0))[0])
         raise FormatError(

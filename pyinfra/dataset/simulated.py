@@ -135,7 +135,7 @@ def simulate(
     existing = world.frames_of(units[0].period_s)
     if numbers[0] < 0 or numbers[-1] >= existing:
         raise Error(f"frames: expected 0 to {existing - 1}, got {numbers[0]} to {numbers[-1]}")
-    simulation.simulate(world, units, [])  # raises for presets or periods that do not fit
+    simulation.simulate(world, units, [])  # raises an error for a wrong preset or different periods
     steps = set(np.diff(numbers).tolist())
     for unit in units if len(steps) == 1 else ():
         for text in unit.period_warnings(numbers[0], numbers[-1] + 1, *steps):

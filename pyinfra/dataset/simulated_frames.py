@@ -44,10 +44,10 @@ class SimulatedFrames(FrameSequence):
     threads: int | None = None
     kept: int = KEPT
     beside: Mapping[str, SimulatedFrames] = field(default_factory=dict)
-    rows: dict[int, AnyArray] = field(default_factory=dict)  # objects of all simulated frames
+    rows: dict[int, AnyArray] = field(default_factory=dict)  # objects of each simulated frame
     # The points and fields of the last `kept` simulated frames.
     clouds: OrderedDict[int, tuple[Float32Array, Records]] = field(default_factory=OrderedDict)
-    returns: Callable[..., Any] | None = None  # the user's function of hits (dataset/returns.py)
+    returns: Callable[..., Any] | None = None  # the user's function for hits (dataset/returns.py)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "clouds": OrderedDict()}

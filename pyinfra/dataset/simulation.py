@@ -73,7 +73,7 @@ __all__ = [
     "with_mount",
 ]
 
-_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # CSafeDumper is faster
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)  # CSafeDumper is faster than SafeDumper
 
 
 Filter: TypeAlias = (
@@ -142,7 +142,8 @@ def make_world(scene: Mapping[str, object], *, preset: str = "datasheet", mount:
 
 
 def _world_of_text(text: str, name: str, preset: str, mount: str) -> World:
-    return World.of_text(text, name, preset, mount)  # World.of_text cannot be pickled
+    # This function exists because World.of_text cannot be pickled.
+    return World.of_text(text, name, preset, mount)
 
 
 def with_mount(world: World, mount: str) -> World:
@@ -216,7 +217,7 @@ def simulate(
     count = threads or os.cpu_count() or 1
     existing = world.frames_of(units[0].period_s) if units else world.frames
     numbers = []
-    for k in frames:  # one by one, because an iterable may be larger than the memory
+    for k in frames:  # checked one by one, because an iterable may not fit into memory
         if not 0 <= k < existing:
             raise ConfigError(f"frames: expected 0 to {existing - 1}, got {k}")
         numbers.append(k)
@@ -293,7 +294,7 @@ def _text(text: str) -> str:
     """Returns a text in quotes if YAML would read another text. `{x_m: 1}` remains a map."""
     try:
         (read,) = yaml.safe_load(f"[{text}]")
-    except (yaml.YAMLError, ValueError):  # ValueError: a text with a comma is several values
+    except (yaml.YAMLError, ValueError):  # ValueError: commas divide the text into several values
         return json.dumps(text, ensure_ascii=False)
     is_other = isinstance(read, (str, dict, list)) and read != text
     return json.dumps(text, ensure_ascii=False) if is_other and text[0] not in "{['\"" else text

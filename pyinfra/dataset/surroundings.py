@@ -42,7 +42,7 @@ class Surroundings:
 
     roads: tuple[Road, ...]
     lanes: dict[str, Lanes]  # maps road names to lanes; empty for a recording
-    buildings: FloatArray  # (k, 7) boxes
+    buildings: FloatArray  # (k, 7) boxes of the buildings
     further_mounts: FloatArray  # (k, 3) positions of a fused data set's mounts, except the first
 
 
@@ -51,7 +51,7 @@ class RoadLine:
     """A line along a road: an edge of the road, or a painted lane line."""
 
     kind: Literal["edge", "solid", "dashed"]
-    xyz: FloatArray  # (n, 3) world; NaN where another road crosses
+    xyz: FloatArray  # (n, 3) points in the world frame; NaN where another road crosses
 
 
 def read_surroundings(data_set: Path) -> Surroundings:

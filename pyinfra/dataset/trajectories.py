@@ -17,7 +17,7 @@ from pyinfra.dataset.world_frame import to_levelled
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.text_table import is_whole
 
-ROW_STEP_S = 0.1  # interval between rows
+ROW_STEP_S = 0.1  # time between the rows of an object
 _NUMBERS = ["x", "y", "z", "dx", "dy", "dz", "heading"]
 
 
@@ -92,7 +92,7 @@ def existing(rows: pd.DataFrame, starts: FloatArray, ends: FloatArray) -> Existi
     span = np.repeat(begin - np.cumsum(count) + count, count) + np.arange(len(which))
     order = np.lexsort((which, span))
     which, span = which[order], span[order]
-    # The times of all objects are put on one axis, one object after the other.
+    # The times of all objects are placed on one axis, one object after the other.
     apart = int(steps.max(initial=0)) + 2
     number = np.cumsum(np.diff(ids, prepend=-1) != 0) - 1
     axis = (number * apart + steps).astype(np.float64)
@@ -134,7 +134,7 @@ def read_rows(file: Path, columns: Sequence[str]) -> pd.DataFrame:
     numbers = {name: np.float64 for name in columns if name != "class"}
     try:
         rows = pd.read_csv(io.BytesIO(data), usecols=list(columns), dtype=numbers)
-    except ValueError as error:  # a cell is not a number, a column is missing, or it is not UTF-8
+    except ValueError as error:  # a wrong number, a missing column, or text that is not UTF-8
         raise FormatError(f"{file}: {error}") from None
     return rows[rows[[name for name in columns if name != "t"]].notna().any(axis=1)]
 

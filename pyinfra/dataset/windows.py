@@ -19,7 +19,7 @@ EVERY_ROAD = -1
 class Window:
     """A section of one road, or of all roads: stations s in [middle - 10 m, middle + 10 m)."""
 
-    road: int  # EVERY_ROAD, or an index into the roads
+    road: int  # index of the road, or EVERY_ROAD for all roads
     middle: float
 
     def holds(self, places: Places) -> BoolArray:
@@ -55,7 +55,7 @@ class Near:
     """
 
     range_m: float
-    # x y of the sensor in the world frame at a site of lanes, else None.
+    # Position x y of the sensor in the world frame if the site consists of lanes, else None.
     centre: tuple[float, float] | None = None
 
     def holds(self, places: Places) -> BoolArray:

@@ -18,7 +18,8 @@ from pyinfra.core.arrays import FloatArray, IntArray, NameArray
 from pyinfra.core.errors import FormatError
 from pyinfra.formats.text_table import MOST_RADIANS, lines_of
 
-# Column names of each key, in lower case and without signs other than letters and digits.
+# Accepted column names for each key. They are compared in lower case and without signs other than
+# letters and digits.
 NAMES: dict[str, tuple[str, ...]] = {
     "frame": ("frame", "frameid", "framenumber", "frameindex", "frameidx", "frameno"),
     "class": (
@@ -37,7 +38,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "score": ("score", "confidence", "conf", "probability", "prob"),
     "id": ("id", "trackid", "objectid", "objid", "instanceid"),
 }
-NUMBERS = ("x", "y", "z", "length", "width", "height", "yaw")  # keys of a box, in this order
+NUMBERS = ("x", "y", "z", "length", "width", "height", "yaw")  # keys of a box, in column order
 SIZES = ("length", "width", "height")
 ALTERNATIVES = {"z": "z_bottom", "yaw": "yaw_deg"}  # keys that can replace z and yaw
 FARTHEST_M, MOST_M = 1e4, 1000.0
@@ -47,14 +48,14 @@ FARTHEST_M, MOST_M = 1e4, 1000.0
 class BoxTable:
     """The n boxes of a file, in its order."""
 
-    frames: list[str] | None  # texts of the column `frame`; None without this column
-    names: NameArray  # (n,) classes; `vehicle` without this column
+    frames: list[str] | None  # cells of the column `frame`; None if the file has no such column
+    names: NameArray  # (n,) classes; `vehicle` if the file has no class column
     boxes: FloatArray  # (n, 7) x y z dx dy dz heading, z of the centre
-    scores: FloatArray | None  # (n,)
-    tracks: list[str] | None  # texts of the column `id`
-    lines: list[int]  # line of each box
-    columns: dict[str, str]  # the column of each key
-    unread: list[str]  # columns that are not read
+    scores: FloatArray | None  # (n,) scores; None if the file has no score column
+    tracks: list[str] | None  # cells of the column `id`; None if the file has no such column
+    lines: list[int]  # line number of each box in the file
+    columns: dict[str, str]  # maps each key to the name of its column
+    unread: list[str]  # names of the columns that are not read
 
 
 def read_box_csv(file: Path, columns: Mapping[str, str] | None = None) -> BoxTable:

@@ -109,7 +109,8 @@ def read_words(file: Path, separator: str = ",") -> pd.DataFrame:
     Raises FileNotFoundError, and FormatError with file and line.
     """
     try:
-        with file.open(encoding="utf-8-sig", newline="") as stream:  # spreadsheets write a BOM
+        # This encoding skips the byte-order mark that spreadsheet programs write.
+        with file.open(encoding="utf-8-sig", newline="") as stream:
             rows = list(csv.reader(stream, strict=True, delimiter=separator))
     except (csv.Error, UnicodeDecodeError) as error:
         raise FormatError(f"{file}: cannot be read as a table: {error}") from None

@@ -26,7 +26,7 @@ _RENAMED_COLUMNS = {
     "world": "vehicles_digest",
 }
 # Maps values of version 0.3 to current values, by column. The values of the column `measure` are
-# column names. They are renamed like columns.
+# column names, which _RENAMED_COLUMNS maps.
 _RENAMED_VALUES = {
     "arm": {"specialist": "site_trained"},
     "fails_first": {"ghosts": "background"},
@@ -35,7 +35,7 @@ _RENAMED_VALUES = {
     "start": {"drawn": "random"},
     "stressor": {"seam": "cut_angle"},
 }
-# Maps keys of version 0.3 to their current names.
+# Maps keys of YAML files of version 0.3 to their current names.
 _RENAMED_KEYS = {
     "own_draws": "own_random_stream",
     "seam_deg": "cut_angle_deg",

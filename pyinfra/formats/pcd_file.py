@@ -97,7 +97,7 @@ def write_pcd(file: Path, records: Records) -> None:
         f"POINTS {len(records)}",
         "DATA binary",
     ]
-    # ndarray.tofile is avoided: it does not report a full disk when it closes the file.
+    # ndarray.tofile is not used, because it does not report a full disk when it closes the file.
     write(file, "".join(f"{line}\n" for line in header).encode() + records.tobytes())
 
 
@@ -165,7 +165,7 @@ def _viewpoint(file: Path, words: list[str], line: int | None) -> Viewpoint:
         fail(file, f"VIEWPOINT: expected 7 finite numbers up to {FARTHEST:g}, got '{got}'", line)
     shift, (w, x, y, z) = values[:3], values[3:]
     length = float(np.linalg.norm(values[3:]))
-    if length == 0:  # some writers write a rotation of zeros
+    if length == 0:  # some programs write a quaternion of zeros
         return Viewpoint(shift, np.eye(3))
     if not QUATERNION[0] <= length <= QUATERNION[1]:
         fail(file, f"VIEWPOINT: expected a quaternion of length 1, got {length:g}", line)
@@ -189,7 +189,7 @@ def _record(file: Path, words: dict[str, list[str]]) -> np.dtype[np.void]:
             fail(file, f"{name}: expected TYPE and SIZE to be one of {types}; got {letter}{size}")
         if not count.isdecimal() or len(count) > 5 or not 0 <= int(count) <= 10_000:
             fail(file, f"{name}: expected a COUNT of 0 to 10000, got {count[:20]}")
-        if int(count) == 0:  # padding without bytes, which PCL writes for driver types
+        if int(count) == 0:  # padding field without bytes, which PCL writes for some point types
             continue
         shape = () if count == "1" else (int(count),)
         fields.append((f"_{i}" if name == "_" else name, TYPES[letter + size], shape))

@@ -17,7 +17,7 @@ SMALLEST_M2 = 1e-6  # triangles with a smaller area are degenerate
 class Triangles:
     """A triangle mesh, metres."""
 
-    vertices: FloatArray  # (n, 3)
+    vertices: FloatArray  # (n, 3) coordinates of the vertices
     faces: IntArray  # (m, 3) indices of vertices
 
 

@@ -24,7 +24,7 @@ class ColumnRule:
     columns: tuple[str, ...]
     # Called with a column (n,) and the columns in `beside`. Returns a mask (n,) of allowed values.
     holds: Callable[..., BoolArray]
-    allowed: str  # allowed values, for messages
+    allowed: str  # description of the allowed values, for messages
     beside: tuple[str, ...] = ()  # other columns that the rule depends on
 
 

@@ -47,7 +47,7 @@ def _parsed(file: Path, parse: Callable[[str], Any]) -> Any:
         raise FormatError(f"{file}:{line}: cannot be read as YAML: {error.problem}") from None
     except FormatError:
         raise
-    except (yaml.YAMLError, *NO_VALUE) as error:  # for example for the date 2025-13-45
+    except (yaml.YAMLError, *NO_VALUE) as error:  # raised, for example, for the date 2025-13-45
         raise FormatError(
             f"{file}: cannot be read as YAML: {' '.join(str(error).split())}"
         ) from None

@@ -20,7 +20,7 @@ import numpy as np
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 
 RECALLS, R1000_RECALLS = 40, 1000
-KITTI_SAMPLES = 41  # recalls that the devkit samples: 0, 1/40 .. 40/40
+KITTI_SAMPLES = 41  # number of recalls that KITTI's devkit samples: 0, 1/40, ..., 40/40
 MOST_POINTS = 2000  # maximum number of operating points of the weighted AP
 _CHUNK = 4_000_000  # maximum number of operating points times replicates in one chunk
 
@@ -36,9 +36,9 @@ class Ranking:
     scores: FloatArray  # (k,) scores of the operating points, descending
     upto: IntArray  # (k,) number of predictions with at least this score
     true_positives_upto: IntArray  # (k,) number of true positives among these predictions
-    slot: IntArray  # (n,) slot of each prediction
-    true_positive_slot: IntArray  # (h,) slot of each true positive
-    objects: IntArray  # (slots,) objects in each slot
+    slot: IntArray  # (n,) time slot of each prediction
+    true_positive_slot: IntArray  # (h,) time slot of each true positive
+    objects: IntArray  # (slots,) number of objects in each time slot
 
 
 def rank(
@@ -229,7 +229,7 @@ def _highest_from(precision: FloatArray, at: IntArray) -> FloatArray:
     precision: (d, k). at: (d, j), ascending along j.
     """
     rows, points = precision.shape
-    padded = np.pad(precision, ((0, 0), (0, 1)))  # column k stands for recalls not reached
+    padded = np.pad(precision, ((0, 0), (0, 1)))  # the added column is for recalls not reached
     stops = np.pad(at, ((0, 0), (0, 1)), constant_values=points)
     flat = stops + (points + 1) * np.arange(rows)[:, None]
     between = np.maximum.reduceat(padded.ravel(), flat.ravel()).reshape(stops.shape)[:, :-1]

@@ -46,7 +46,7 @@ class Bootstrapped:
     """A figure with its bootstrap replicates."""
 
     value: float
-    replicates: FloatArray  # (d,) value in each replicate; NaN where undefined
+    replicates: FloatArray  # (d,) value of the figure in each replicate; NaN where undefined
     blocks: float  # number of time blocks in the evaluated frames
 
     def less(self, other: Bootstrapped) -> Bootstrapped:

@@ -71,7 +71,7 @@ from pyinfra.metrics.replicates import figures, measure_of, replicate_rows, same
 from pyinfra.metrics.result_checks import result_warnings
 from pyinfra.metrics.settings import Settings
 
-SEEN_IN_TABLES = ("few-blocks",)  # warnings whose cause the tables show, as NaN
+SEEN_IN_TABLES = ("few-blocks",)  # warnings not issued, because the tables show NaN
 
 
 @public()
@@ -205,15 +205,15 @@ def evaluate_tables(
     recall within ranges of the sensor, except for the subset `common`. The table `replicates` then
     also contains the AP within each range.
     """
-    # 2. Which predictions and vehicles of a class overlap.
+    # Step 2: find the predictions and vehicles of each class that overlap.
     match_inputs = {
         (name, metric): match_input(truth, predictions, name, settings, metric)
         for name in settings.classes
         for metric in settings.metrics
     }
-    # 3 to 6. AP with its interval.
+    # Steps 3 to 6: compute AP with its interval.
     table = pd.DataFrame(_ap_rows(match_inputs, settings), columns=AP_COLUMNS)
-    # 7. The other tables.
+    # Step 7: make the other tables.
     first = next(iter(match_inputs.values()))
     parts = _primary_tables(first, settings, ranges=ranges)
     parts = {name: _named(rows, truth, settings) for name, rows in parts.items()}
@@ -246,10 +246,10 @@ def _ap_rows(
         for which in settings.ground_truths:
             for iou in ious:
                 for protocol in settings.protocols:
-                    matched = matches[iou, protocol == "kitti"]  # 3
-                    # 4. True positives, false positives, and what is ignored.
+                    matched = matches[iou, protocol == "kitti"]  # step 3: matching
+                    # Step 4: find true positives, false positives and ignored predictions.
                     match_result = count_matches(class_input, which, matched, settings.min_points)
-                    row = ap_row(match_result, iou, protocol)  # 5 and 6
+                    row = ap_row(match_result, iou, protocol)  # steps 5 and 6: AP and its interval
                     rows.append({"class": name, "ground_truth": which, **row})
     return rows
 

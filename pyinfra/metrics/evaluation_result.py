@@ -85,7 +85,8 @@ class Evaluation(Presented):
         """Writes the tables as CSV files to a folder, and returns the files."""
         path = path_of(folder, "folder")
         with alone(path):
-            # If this process is stopped, no rows of an earlier evaluation are beside the new AP.
+            # The old file is removed first, so that an interrupted process never leaves it next to
+            # the new AP.
             if (older := existing(path / "replicates.csv")).is_file():
                 older.unlink()
             return write_tables(path, self.tables())

@@ -15,7 +15,7 @@ MEASURES = {"definition": AP_R1000, "r11": "AP (R11)", "kitti": "AP (R40), devki
 def summary(evaluation: Evaluation) -> str:
     """Returns AP, high-quality areas and causes of false positives as lines of text."""
     lines = [f"{evaluation.truth.name}: {len(evaluation.truth.frames)} frames"]
-    iou = [f"{v:g}" if v > 0 else "" for v in evaluation.ap.iou]  # empty for metric `centre`
+    iou = [f"{v:g}" if v > 0 else "" for v in evaluation.ap.iou]  # no IoU for the metric `centre`
     head = f"{'class':<12}{'ground truth':<14}{'IoU':>5} {'measure':<26}{'':>5}  "
     lines.append(f"{head}{'95 % interval':<14}{'objects':>8}{'predictions':>12}  hidden")
     for i, (_, row) in enumerate(evaluation.ap.iterrows()):

@@ -21,8 +21,8 @@ from pyinfra.metrics.match_input import MatchInput
 from pyinfra.metrics.match_results import CAUSES, MatchResult, causes, count_matches, precision
 from pyinfra.metrics.settings import Protocol
 
-EVERYWHERE = "all"  # in column `road`: all roads together
-LANES = "(lanes)"  # in column `road`: all lanes of a site together; no road has this name
+EVERYWHERE = "all"  # value of the column `road` for all roads together
+LANES = "(lanes)"  # value of the column `road` for all lanes of a site; no road has this name
 HIGH_QUALITY = 85.0  # AP above which an area has high quality
 PR_RECALLS = 100
 AP_COLUMNS = (

@@ -36,18 +36,18 @@ from pyinfra.metrics.settings import Settings
 
 MOST_ERRORS = 20  # largest number of errors that one check lists
 # Every n-th cloud is checked, where n is the number of clouds // CLOUDS (or // COUNTED).
-CLOUDS = 50  # clouds whose format, intensities and points in labelled boxes are checked
-COUNTED = 1000  # clouds whose points in the objects' boxes are counted
+CLOUDS = 50  # number of clouds whose format, intensities and points in boxes are checked
+COUNTED = 1000  # number of clouds whose points in the objects' boxes are counted
 POINT_BYTES, FIELD_BYTES = 16, kitti.FIELDS.itemsize
-NEIGHBOURS = 21  # a cloud's size is compared with the median of this many frames
+NEIGHBOURS = 21  # number of frames whose median size is compared with the size of a cloud
 SMALL = 0.5  # clouds smaller than this share of the median are reported
 # A cloud may lack this many points, or this share of the points, in the objects' boxes.
 FEW_POINTS, LOST_SHARE = 10, 0.05
 FAR_MARGIN_M = 5.0  # tolerance for points beyond the LiDAR's range, because of range noise
-USUAL_LOW_Z = -3.0  # lower end of the point range in common configurations for cars
-USUAL_FAR_M = 70.4  # far end of the point range in common configurations for cars
+USUAL_LOW_Z = -3.0  # lower limit of z in common detector configurations for cars, metres
+USUAL_FAR_M = 70.4  # limit of x and y in common detector configurations for cars, metres
 HEIGHT_FILTER_PX = 25.0  # KITTI's tools ignore labels whose 2-D box is lower than this
-MOST_PERIODS = 1.5  # times of points may last this many frame periods
+MOST_PERIODS = 1.5  # largest time of a point, in frame periods
 MARGIN_M = 0.1  # margin around a box when points in it are counted
 
 
@@ -67,7 +67,7 @@ def validate(
     vehicles = read_vehicles(folder, frames)
     types = Settings().types
     findings += ground_truth_findings(folder, frames, vehicles, types)
-    labelled = read_labelled(folder, frames)  # the label files, which other tools read
+    labelled = read_labelled(folder, frames)  # the label files, which other tools use
     has_objects = (folder / "training/objects").is_dir()
     if has_objects and (other := other_types(folder, frames, labelled, types, "label_2")):
         findings.append(Finding("warning", "other-types", other))

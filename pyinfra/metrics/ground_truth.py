@@ -40,13 +40,13 @@ class GroundTruth:
     name: str
     period_s: float
     frames: tuple[int, ...]  # frame numbers, ascending; `vehicles.frame` has indices into `frames`
-    vehicles: Vehicles  # all vehicles, counted or not
+    vehicles: Vehicles  # all vehicles, whether they are evaluated or not
     has_objects: bool  # if False, vehicles are the labels, and only `captured` can be evaluated
     lidar: kitti.Lidar | None  # None if the folder has no lidar.yaml
-    neighbours: tuple[tuple[kitti.Lidar, kitti.Tilt], ...]  # all LiDARs of the data set
+    neighbours: tuple[tuple[kitti.Lidar, kitti.Tilt], ...]  # LiDARs of the data set and their tilts
     roads: tuple[Road, ...]  # empty if the data set has no roads.csv
     outlines: tuple[FloatArray, ...]  # outlines that narrow the region, world frame
-    drawn: Drawn | None  # area of a region without roads, levelled LiDAR frame
+    drawn: Drawn | None  # area drawn by the user, if there are no roads; levelled LiDAR frame
     of_lanes: bool  # whether each road is one lane, read from a file of lanes
     versions: tuple[str, str] | None = None  # frames_version and version, for frames in memory
 

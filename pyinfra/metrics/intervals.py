@@ -20,9 +20,9 @@ from pyinfra.core.arrays import AnyArray, FloatArray, IntArray
 from pyinfra.core.errors import Error
 
 SLOT_S = 1.0  # unit of time that is resampled as a whole
-BLOCK_STEP_S = 5.0  # block lengths are multiples of this, so that they agree between LiDARs
+BLOCK_STEP_S = 5.0  # block lengths are multiples of this time, so that they agree between LiDARs
 LEAST_BLOCK_S = 20.0  # minimum block length; false positives can last longer than vehicles
-# Block length for vehicles without ids, whose stay is unknown. It suits a motorway.
+# Block length for vehicles without ids, whose time in the region is unknown. It suits a motorway.
 UNKNOWN_BLOCK_S = 20.0
 REPLICATES = 1000
 SEED = 1
@@ -46,10 +46,10 @@ class Estimate:
 class Blocks:
     """The time slot of each frame, and how often each bootstrap replicate contains each slot."""
 
-    frames: IntArray  # (f,) ascending
-    slot: IntArray  # (f,) 0 to n - 1, the slot of each frame
-    replicates: IntArray  # (d, n) counts; (0, n) if there are too few blocks for an interval
-    length: int  # slots in a block
+    frames: IntArray  # (f,) frame numbers, ascending
+    slot: IntArray  # (f,) time slot of each frame, 0 to n - 1
+    replicates: IntArray  # (d, n) times that a replicate contains a slot; d = 0 for too few blocks
+    length: int  # number of slots in a block
     block_s: float
 
     @property

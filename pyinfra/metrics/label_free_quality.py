@@ -39,8 +39,9 @@ HERE_M = 1.0  # boxes whose centres are at most this far apart are at the same p
 HALF = 0.5
 FASTEST_M_S = 45.0
 SLACK_M = 1.0  # tolerance for the position error of a box
-LEAST_FRAMES = 5  # minimum number of frames for `flickers` and `stands`
-# The measures are not computed for shorter recordings, or for frames with more gaps or faults.
+LEAST_FRAMES = 5  # minimum number of frames for `flicker_share` and `standing_share`
+# The measures are only computed for recordings within these limits: duration in seconds, share of
+# consecutive frames, share of frames with a fault.
 LEAST_S = 10.0
 LEAST_CONSECUTIVE = 0.8
 MOST_FAULTY = 0.5
@@ -51,8 +52,8 @@ class BoxSeries(Rows):
     """Boxes of several frames, ordered by frame."""
 
     frame: IntArray  # (n,) number of the frame, ascending
-    boxes: FloatArray  # (n, 7) levelled LiDAR frame
-    scores: FloatArray  # (n,)
+    boxes: FloatArray  # (n, 7) boxes in the levelled LiDAR frame
+    scores: FloatArray  # (n,) scores of the boxes
 
 
 @dataclass(frozen=True)
@@ -64,14 +65,14 @@ class Trust:
 
     score: float
     frames: int
-    faulty_frames: int  # frames with a fault of the sensor
+    faulty_frames: int  # number of frames with a fault of the sensor
     boxes_per_frame: float  # mean number of boxes in frames without a fault
-    confirmed_share: float  # share of boxes that are confirmed
-    recall: float  # share of travelling clusters that are found
-    travelling_per_frame: float  # travelling clusters per frame without a fault
+    confirmed_share: float  # share of boxes that moving points confirm
+    recall: float  # share of travelling clusters that a box finds
+    travelling_per_frame: float  # mean number of travelling clusters in frames without a fault
     off_region_share: float  # share of boxes outside the region; NaN if no region is known
     flicker_share: float  # share of boxes that flicker, in frames with a previous and a next frame
-    standing_share: float  # share of boxes that stand
+    standing_share: float  # share of boxes that stand, such as boxes on hedges
 
 
 COLUMNS = tuple(field.name for field in fields(Trust))
@@ -163,7 +164,7 @@ def links(seen: BoxSeries, period_s: float) -> IntArray:
     numbers, start = np.unique(seen.frame, return_index=True)
     ends = np.append(start[1:], len(seen))
     reach = SLACK_M + FASTEST_M_S * period_s
-    moved = np.zeros((len(seen), 2))  # step since the previous frame
+    moved = np.zeros((len(seen), 2))  # step of each box since the previous frame
     for i in range(len(numbers) - 1):
         if numbers[i + 1] != numbers[i] + 1:
             continue

@@ -47,9 +47,9 @@ class MatchResult:
 
     match_input: MatchInput
     matches: IntArray  # (p,) index of the matched vehicle, -1 for none
-    counted: BoolArray  # (v,) vehicles in the subset and region
-    true_positive: BoolArray  # (p,) true positives
-    false_positive: BoolArray  # (p,) false positives
+    counted: BoolArray  # (v,) whether a vehicle is in the subset and region
+    true_positive: BoolArray  # (p,) whether a prediction is a true positive
+    false_positive: BoolArray  # (p,) whether a prediction is a false positive
     blocks: Blocks
 
     @property
@@ -125,7 +125,7 @@ def count_matches(
     counted = match_input.truth.counted(
         which, match_input.vehicles, match_input.vehicle_places, min_points
     )
-    true_positive = np.append(counted, False)[matches]  # False for the match -1
+    true_positive = np.append(counted, False)[matches]  # index -1, no match, gives False
     # Boxes that are false positives if they are unmatched.
     false_if_unmatched = match_input.prediction_places.inside | match_input.on_people
     if match_input.of_people:

@@ -23,8 +23,8 @@ Metric = Literal["bev", "3d", "centre"]
 # An IoU that differs from the threshold by at most TIE is taken as equal to the threshold. TIE is
 # larger than the numerical error of an IoU, and smaller than the rounding of labels.
 TIE = 1e-9
-IOU = 0.5  # least IoU of footprints for a match with a vehicle
-PERSON_IOU = 0.25  # least IoU for pedestrians and cyclists; lower, as their footprints are small
+IOU = 0.5  # minimum IoU of footprints for a match with a vehicle
+PERSON_IOU = 0.25  # minimum IoU for pedestrians and cyclists, whose footprints are small
 CENTRE_M = 0.5  # largest distance of centres for a match by metric `centre`
 LEAST_OVERLAP = 0.1  # minimum overlap of a pair; a lower overlap is taken as 0
 _PAIRS = 500_000  # number of pairs that are processed together
@@ -34,9 +34,9 @@ _PAIRS = 500_000  # number of pairs that are processed together
 class Pairs(Rows):
     """n pairs of a prediction and a vehicle of the same frame that overlap."""
 
-    prediction: IntArray  # (n,)
-    vehicle: IntArray  # (n,)
-    iou: FloatArray  # (n,)
+    prediction: IntArray  # (n,) index of the prediction
+    vehicle: IntArray  # (n,) index of the vehicle
+    iou: FloatArray  # (n,) IoU of the pair, or closeness of the centres
 
 
 def overlapping_pairs(

@@ -31,13 +31,13 @@ class Observations:
     There are n rows and L LiDARs.
     """
 
-    lidars: tuple[str, ...]  # L names, the order of the columns below
-    frame: IntArray  # (n,)
-    ids: IntArray  # (n,) track; -1 if it is unknown
+    lidars: tuple[str, ...]  # L names, in the order of the columns of the arrays below
+    frame: IntArray  # (n,) frame number
+    ids: IntArray  # (n,) track number of the vehicle; -1 if unknown
     centre: FloatArray  # (n, 3) centre of the box, levelled LiDAR frame, metres
-    distance: FloatArray  # (n,) horizontal, sensor to box centre, metres
-    speed: FloatArray  # (n,) m/s
-    visibility: FloatArray  # (n,) [0, 1]; -1 outside the evaluation region
+    distance: FloatArray  # (n,) horizontal distance from the sensor to the box centre, metres
+    speed: FloatArray  # (n,) speed of the vehicle, m/s
+    visibility: FloatArray  # (n,) visible share in [0, 1]; -1 outside the evaluation region
     points: IntArray  # (n, L) returns from the vehicle; 0 if it is beyond the LiDAR's range
     points_in_box: IntArray  # (n, L) returns from the vehicle that lie in its box
     in_angles: BoolArray  # (n, L) whether the LiDAR's azimuths and elevations include the centre
@@ -183,15 +183,15 @@ def hit_counts(data: DataSet, lidar: kitti.Lidar, *, above_road: bool = False) -
 class _ObjectTable(Rows):
     """The objects of one LiDAR in all frames."""
 
-    keys: IntArray  # (n, 2) frame, id
+    keys: IntArray  # (n, 2) frame and id of each object
     values: FloatArray  # (n, 6) x y z distance speed visibility
-    points: IntArray  # (n, 2) points on the vehicle, and in its box
+    points: IntArray  # (n, 2) number of points on the vehicle, and of those in its box
 
 
 def _read_objects(data: DataSet, lidar: int, level: float | None) -> _ObjectTable:
     folder = data.lidar_folder(data.lidars[lidar].name)
     parts = []
-    nameless = 0  # rows without an id so far; their keys are -1, -2, ...
+    nameless = 0  # number of rows without an id so far; their keys are -1, -2, ...
     for frame in data.frames:
         k = kitti.read_objects(kitti.frame_file(folder, "objects", frame))
         vehicle = np.isin(k.names, VEHICLE_TYPES)

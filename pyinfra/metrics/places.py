@@ -23,11 +23,11 @@ from pyinfra.metrics.replicates import bootstrapped_of, check_pair, over_seeds
 MEASURES = {
     "ap_r1000": "ap_r1000",
     "recall_percent": "recall",
-}  # name of a measure in the result: name in replicates.csv
+}  # maps names of measures in the result to names in replicates.csv
 MEASURED_BY = ("class", "metric", "iou")  # columns of a row that define its AP
 # Further columns that define the AP of a row. Rows of earlier versions lack these columns.
 SETTINGS = ("types", "min_points", "min_score")
-# Columns of replicates.csv in each version.
+# Columns that replicates.csv has in every version.
 REQUIRED = (
     *("ground_truth", "measure", "value", "blocks"),
     *("vehicles_digest", "frames", "replicates"),
@@ -40,7 +40,7 @@ class Place:
     """The evaluations of one mount, one for each traffic seed."""
 
     name: str
-    rows: dict[str, dict[str, pd.Series]]  # by digest of vehicles and frames, then by measure
+    rows: dict[str, dict[str, pd.Series]]  # rows by digest of vehicles and frames, then by measure
     hidden_percent: float  # percentage of the region's vehicles that are hidden; NaN if unknown
 
 

@@ -25,7 +25,7 @@ from pyinfra.dataset.prediction_origin import (
 )
 from pyinfra.metrics.prediction_errors import errors_of
 
-OTHER_FRAMES = "other-frames"  # finding: the model learnt from frames of another frames_version
+OTHER_FRAMES = "other-frames"  # finding that the model was trained on frames of another version
 FEW_PREDICTED = 0.5  # a larger share of frames without predictions causes a warning
 FRAMES = 300  # every n-th frame is checked, where n is the number of frames // FRAMES
 
@@ -46,7 +46,7 @@ class Finding:
 class PredictionFiles:
     """The prediction files of all frames, and findings about them."""
 
-    files: tuple[Path | None, ...]  # one per frame; None for a missing file, if allowed
+    files: tuple[Path | None, ...]  # prediction file of each frame; None if it may be missing
     findings: tuple[Finding, ...]
 
 
@@ -187,7 +187,7 @@ def _names(
     location = _first(predictions, files, unevaluated)
     text = f"{location}: types that are not evaluated: {listed}; expected {', '.join(types)}"
     if known[unevaluated].all():
-        # A detector can detect classes that are not evaluated. It may have found only those.
+        # A detector may have found only classes that are not evaluated.
         text = f"types that are not evaluated: {listed}; `classes` sets the evaluated classes"
         yield Finding("warning" if unevaluated.all() else "note", "other-classes", text)
     elif unevaluated.all():

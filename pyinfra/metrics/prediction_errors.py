@@ -12,8 +12,8 @@ from pyinfra.metrics.matching import pairs_of_frames
 NEAR_M = 2.0  # largest horizontal distance of a near prediction from the centre of a vehicle
 FAR_M = 20.0  # largest common displacement of all boxes in x or y that is recognised
 LEAST_NEAR = 0.3  # below this share of near predictions, common errors of position are tested
-FAR_OFF = 0.1  # below this share, a warning says that the boxes are far from all vehicles
-MUCH_BETTER = 0.25  # a warning names an error if its correction adds more than this to the share
+FAR_OFF = 0.1  # below this share of near predictions, a warning says that all boxes are far off
+MUCH_BETTER = 0.25  # minimum increase of the share by a correction for a warning to name the error
 HEIGHT_OFF_M = 0.5
 QUARTER_DEG = 60.0
 LEAST_RATIO = 1.2  # above this length-to-width ratio of vehicles, swapped sizes are reported

@@ -33,7 +33,7 @@ SAME = (
 )
 COLUMNS = ("ground_truth", "measure", "value", "blocks", "version", *SAME)
 DIGITS = 3
-AHEAD_M = (0.0, 100.0)  # limits of s on the first road between which `ap_slope` is fitted
+AHEAD_M = (0.0, 100.0)  # range of stations on the first road, metres, to which `ap_slope` is fitted
 LEAST_WINDOWS = 5
 
 

@@ -12,7 +12,7 @@ from pyinfra.metrics.matching import CENTRE_M
 from pyinfra.metrics.prediction_checks import Finding
 from pyinfra.metrics.settings import Settings
 
-KITTI_LEAST = 41  # with fewer objects the AP of KITTI's devkit cannot reach 100
+KITTI_LEAST = 41  # minimum number of objects for which the AP of KITTI's devkit can reach 100
 
 
 def result_warnings(table: pd.DataFrame, truth: GroundTruth, settings: Settings) -> list[Finding]:

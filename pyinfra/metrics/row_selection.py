@@ -11,14 +11,14 @@ EXPERIMENT = (
     "preset",
     "detector",
     "tier",
-)  # key of an experiment, without the seed
-CURVE = ("scene", "lidar", "preset", "detector")  # key of a curve of a stress test
+)  # columns that identify an experiment, without the seed
+CURVE = ("scene", "lidar", "preset", "detector")  # columns that identify a curve of a stress test
 # Columns of AP (R40) and AP (R1000) of each ground truth, with the ends of their intervals.
 AP_OF = {"captured": "ap", "common": "ap_common", "all": "ap_all", "present": "ap_present"}
 AP_ENDS = ("", "_low", "_high", "_r1000", "_r1000_low", "_r1000_high")
 AP_COLUMNS = tuple(f"{name}{end}" for name in AP_OF.values() for end in AP_ENDS)
 OFF_REGION = (
-    "off_region_per_min"  # column of boxes outside the region per minute, score 0.5 or more
+    "off_region_per_min"  # column: boxes of score 0.5 or more outside the region, per minute
 )
 AP_R1000, AP_R40 = "AP (R1000)", "AP (R40)"  # names of the measures in texts and figures
 
@@ -73,7 +73,7 @@ def first_seed(rows: pd.DataFrame) -> pd.DataFrame:
     """
     if rows.empty:
         return rows
-    every, rows = rows, rows.reset_index(drop=True)  # tables that were joined repeat their index
+    every, rows = rows, rows.reset_index(drop=True)  # joined tables can have an index value twice
     seed = pd.to_numeric(rows.seed)
     own = seed.groupby([rows[name] for name in EXPERIMENT], dropna=False).transform("min")
     first = pd.Series(np.nan, index=rows.index)

@@ -26,8 +26,8 @@ CONFIG_KEYS = ("name", "model", "price_usd", "pattern", "bundle")
 class Rays:
     """Directions and times of n rays in the sensor's frame."""
 
-    azimuth_deg: FloatArray  # (n,) without a jump within the field of view
-    elevation_deg: FloatArray  # (n,)
+    azimuth_deg: FloatArray  # (n,) azimuths, without a jump within the field of view
+    elevation_deg: FloatArray  # (n,) elevations
     time_s: FloatArray  # (n,) time since the start of the run
 
 
@@ -50,7 +50,7 @@ def read_rays(lidar_yaml: Path, seconds: float, period_s: float) -> Rays:
         rays = simulation.scan_pattern(file, range(frames), preset="run")
     rays = rays[rays[:, 2] < seconds - 1e-9]
     azimuth = np.degrees(rays[:, 0])
-    # A field of view through 180 degrees ends above 180.
+    # If a field of view contains the azimuth 180 degrees, azimuths continue above 180.
     middle = sum(written["field_of_view"][0]["azimuth_deg"]) / 2
     azimuth[azimuth < middle - 180] += 360
     return Rays(azimuth, np.degrees(rays[:, 1]), rays[:, 2])
@@ -74,7 +74,7 @@ def lit_share(rays: Rays, times_s: tuple[float, ...] = TIMES_S) -> pd.DataFrame:
     width = int(np.ptp(column)) + 1
     key = (row - row.min()) * width + column - column.min()
     cells = _field_cells(row - row.min(), column - column.min())
-    _, first = np.unique(key, return_index=True)  # the first in time, as rays are ordered by time
+    _, first = np.unique(key, return_index=True)  # first ray of each cell; rays are ordered by time
     lit_at = rays.time_s[first]
     return pd.DataFrame(
         [

@@ -119,7 +119,7 @@ def data_set_tables(
         returns = hit_counts(data, lidar, above_road=above_road)
         run_returns = np.convolve(
             returns, np.ones(accumulate, np.int64), "valid"
-        )  # runs with gaps are removed below
+        )  # runs of frames with gaps are removed below
         last = np.array(data.frames)[accumulate - 1 :]
         counts[lidar.name] = run_returns[np.isin(last, ends)]
     tables["hit_points"] = statistics_tables.hit_points(counts, blocks)

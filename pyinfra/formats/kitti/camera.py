@@ -21,17 +21,17 @@ SHAPES = {f"P{i}": (3, 4) for i in range(4)} | {
     "Tr_velo_to_cam": (3, 4),
     "Tr_imu_to_velo": (3, 4),
 }
-# Names of the same matrices in KITTI's tracking and odometry benchmarks. Lines of the tracking
-# benchmark may lack the colon. Tr of odometry goes from the LiDAR to the rectified camera.
+# Maps names of matrices in KITTI's tracking and odometry benchmarks to the names in SHAPES. In the
+# odometry benchmark, Tr maps from the LiDAR to the rectified camera.
 OTHER_NAMES = {
     "R_rect": "R0_rect",
     "Tr_velo_cam": "Tr_velo_to_cam",
     "Tr_imu_velo": "Tr_imu_to_velo",
     "Tr": "Tr_velo_to_cam",
 }
-# Names in KITTI's road benchmark and raw data. Their lines are ignored.
+# Names of entries of KITTI's road benchmark and raw data. Their lines are ignored.
 NOT_NEEDED = ("Tr_cam_to_road", "calib_time")
-_NOT_A_ROTATION = 0.01  # tolerance of the elements of R R^T against the identity
+_NOT_A_ROTATION = 0.01  # tolerance of each element of R R^T - I, for a rotation matrix R
 _MOST = 1e6  # largest absolute value in a matrix, in pixels or metres
 
 
@@ -43,9 +43,9 @@ class Calibration:
     """
 
     P: FloatArray  # (4, 3, 4) projection matrices of the four cameras, pixels
-    R0_rect: FloatArray  # (3, 3)
-    Tr_velo_to_cam: FloatArray  # (3, 4)
-    Tr_imu_to_velo: FloatArray  # (3, 4)
+    R0_rect: FloatArray  # (3, 3) rotation that rectifies camera coordinates
+    Tr_velo_to_cam: FloatArray  # (3, 4) transform from the LiDAR to the camera
+    Tr_imu_to_velo: FloatArray  # (3, 4) transform from the IMU to the LiDAR
 
     @property
     def T_camera_lidar(self) -> FloatArray:
@@ -81,7 +81,7 @@ def read_calibration(file: Path) -> Calibration:
     for number, line in enumerate(lines_of(file), start=1):
         if not line.strip():
             continue
-        # The colon after the name is optional.
+        # The colon after the name is optional, because lines of the tracking benchmark may lack it.
         key, _, rest = line.strip().partition(":" if ":" in line else " ")
         where, word = f"{file}:{number}", key.strip()
         if word in NOT_NEEDED:

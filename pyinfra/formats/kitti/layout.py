@@ -28,7 +28,7 @@ OBJECT_COLUMNS = [
     *"id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility".split(","),
     *SCAN_COLUMNS,
 ]
-PITCH_COLUMN = "pitch"  # optional last column, written if vehicles can pitch
+PITCH_COLUMN = "pitch"  # optional last column of objects, written if vehicles can pitch
 LABEL_COLUMNS = "type truncated occluded alpha x1 y1 x2 y2 h w l x y z rotation_y".split()
 # Largest coordinate in a LiDAR's frame. The simulator allows LiDARs with a range of up to 5,000 m.
 FARTHEST_M = 10_000.0
@@ -38,17 +38,17 @@ FARTHEST_M = 10_000.0
 class Objects:
     """The k objects within range of a LiDAR in one frame, with or without returns."""
 
-    ids: IntArray  # (k,) track; -1 if it is unknown
-    names: NameArray  # (k,) class
-    boxes: FloatArray  # (k, 7) x y z dx dy dz heading, at mid-frame
-    speed: FloatArray  # (k,) m/s
+    ids: IntArray  # (k,) track number of each object; -1 if unknown
+    names: NameArray  # (k,) class of each object
+    boxes: FloatArray  # (k, 7) boxes x y z dx dy dz heading, at mid-frame
+    speed: FloatArray  # (k,) speed of each object, m/s
     points: IntArray  # (k,) number of returns from the object
     points_in_box: IntArray  # (k,) number of returns from the object that are inside its box
     distance: FloatArray  # (k,) horizontal distance from the sensor to the box centre, metres
     visibility: FloatArray  # (k,) visible share in [0, 1]; -1 outside the evaluation region
     scan_boxes: FloatArray  # (k, 7) boxes at scan_time_s
     scan_time_s: FloatArray  # (k,) mean time of the object's returns, from the start of the frame
-    points_in_scan_box: IntArray  # (k,) number of returns from the object inside the scan box
+    points_in_scan_box: IntArray  # (k,) number of returns from the object in its scan box
     # (k,) pitch in radians, positive with the nose down. None if no vehicle can pitch.
     pitch: FloatArray | None = None
 
@@ -64,9 +64,9 @@ class Objects:
 class Labels:
     """The k boxes of a label or prediction file."""
 
-    names: NameArray  # (k,) class
-    boxes: FloatArray  # (k, 7) x y z dx dy dz heading
-    scores: FloatArray | None  # (k,); None for labels
+    names: NameArray  # (k,) class of each box
+    boxes: FloatArray  # (k, 7) boxes x y z dx dy dz heading
+    scores: FloatArray | None  # (k,) scores of predictions; None for labels
     # (k, 7) the columns truncated occluded alpha x1 y1 x2 y2 of the file.
     image: FloatArray | None = None
 

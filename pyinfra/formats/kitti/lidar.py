@@ -11,8 +11,8 @@ from pyinfra.formats.kitti.layout import FARTHEST_M
 from pyinfra.formats.yaml_file import YamlNode, parse_yaml, read_keys, read_yaml
 
 RECORDED = "recorded"  # preset name of recordings, which were not simulated
-PERIOD_S = (0.001, 60.0)  # shortest and longest frame period
-_EARTH_M = 1e8  # largest coordinate in the world frame
+PERIOD_S = (0.001, 60.0)  # minimum and maximum frame period, in seconds
+_EARTH_M = 1e8  # largest coordinate in the world frame, in metres
 _STEEP_M = 1e3  # largest absolute value of each coefficient of a road shape
 
 
@@ -74,7 +74,7 @@ class FieldOfView:
     azimuth: tuple[float, float]
     elevation: tuple[float, float]
     range_m: tuple[float, float]
-    # Pose of the unit's sensor. None means the origin, with the tilt that all units share.
+    # Pose of this unit's sensor. None stands for the origin, with the tilt that all units share.
     at: SensorPose | None = None
 
 
@@ -85,10 +85,10 @@ class Lidar:
     name: str
     model: str
     preset: str
-    price_usd: tuple[float, float]  # lowest and highest price of all units; NaN if unknown
+    price_usd: tuple[float, float]  # lowest and highest total price of all units; NaN if unknown
     period_s: float
     T_world_levelled: WorldPose
-    field_of_view: tuple[FieldOfView, ...]  # one per unit
+    field_of_view: tuple[FieldOfView, ...]  # field of view of each unit
     label_time: LabelTime = "frame"  # instant at which the labels hold
 
     @property

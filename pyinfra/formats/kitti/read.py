@@ -28,12 +28,12 @@ from pyinfra.formats.text_table import (
     lines_of,
 )
 
-_SHORTEST_M, _LONGEST_M = 0.001, 1000.0  # allowed length of a box side
+_SHORTEST_M, _LONGEST_M = 0.001, 1000.0  # minimum and maximum length of a box side
 _MOST = 2**31 - 1  # largest id and largest number of points
-_ROUNDED_M = 0.05  # tolerance of `distance` against x and y, because all are rounded
+_ROUNDED_M = 0.05  # tolerance of `distance` against the distance from x and y, as all are rounded
 _LONGEST_FRAME_S = 60.0
-# Fused data sets use the clock of the first mount. Frames of the other mounts may start up to 0.1 s
-# earlier or later.
+# Lower limit of scan_time_s. It is negative, because fused data sets use the clock of the first
+# mount. Frames of the other mounts may start up to 0.1 s earlier or later.
 _EARLIEST_S = -0.2
 _COUNTS_IN_BOXES = ("points_in_box", "points_in_scan_box")
 
@@ -79,8 +79,8 @@ OBJECT_RULES = (
 )
 LABEL_RULES = (_sides("h w l"), _position("x y z"), _angle("rotation_y"))
 # Predictions may be poor, but must have values with which overlaps can be computed.
-LARGEST = 10_000.0  # largest size and coordinate in metres, and heading in radians
-MOST_PREDICTIONS = 1000  # largest number in a frame; nuScenes evaluates up to 500
+LARGEST = 10_000.0  # largest size and coordinate (metres) and heading (radians) of a prediction
+MOST_PREDICTIONS = 1000  # maximum number of predictions in a frame; nuScenes evaluates up to 500
 
 
 def result_rules(sizes: Sequence[str], others: Sequence[str]) -> tuple[ColumnRule, ...]:

@@ -24,11 +24,11 @@ from pyinfra.formats.kitti.layout import (
 from pyinfra.formats.kitti.read import OBJECT_NUMBERS, OBJECT_RULES, PITCHED_HEADER
 from pyinfra.formats.text_table import columns_of, violations
 
-# Formats of OBJECT_COLUMNS.
+# Format of a line with the values of OBJECT_COLUMNS.
 _OBJECT_LINE = (
     "{},{}" + ",{:.4f}" * 6 + ",{:.6f},{:.4f},{},{}" + ",{:.4f}" * 5 + ",{:.6f},{:.6f},{}"
 )
-_IMAGE_BOX = (0, 0, 50, 50)  # 50 pixels high, because the devkit ignores boxes below 25 pixels
+_IMAGE_BOX = (0, 0, 50, 50)  # 2-D box, pixels; KITTI's devkit ignores boxes lower than 25 pixels
 
 
 def write_points(file: Path, points: Points) -> None:

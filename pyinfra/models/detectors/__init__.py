@@ -14,9 +14,9 @@ from pyinfra.core.arrays import FloatArray, NameArray, Points
 class Detections:
     """The boxes that a detector finds in a frame, best first."""
 
-    boxes: FloatArray  # (k, 7) x y z dx dy dz heading, levelled LiDAR frame
-    scores: FloatArray  # (k,) [0, 1], descending
-    names: NameArray  # (k,) class
+    boxes: FloatArray  # (k, 7) boxes x y z dx dy dz heading, levelled LiDAR frame
+    scores: FloatArray  # (k,) scores in [0, 1], descending
+    names: NameArray  # (k,) class of each box
 
     def __len__(self) -> int:
         return len(self.scores)

@@ -28,9 +28,9 @@ class AnchorConfig:
 
     car_m: tuple[float, float, float] = ruled(CAR_M, 0.1, 30)  # size for cars
     long_m: tuple[float, float, float] = ruled(LONG_M, 0.1, 30)  # size for trucks and buses
-    matched: float = ruled(0.6, 0, 1)  # least IoU of an anchor that is assigned to a box
+    matched: float = ruled(0.6, 0, 1)  # minimum IoU of an anchor that is assigned to a box
     unmatched: float = ruled(0.45, 0, 1)  # anchors with a lower IoU are background
-    candidates: int = ruled(4096, 1, 4096)  # largest number of anchors in non-maximum suppression
+    candidates: int = ruled(4096, 1, 4096)  # maximum number of anchors in non-maximum suppression
 
     @property
     def sizes(self) -> tuple[tuple[float, float, float], ...]:
@@ -45,17 +45,17 @@ class AnchorConfig:
 class Targets:
     """The assignment of anchors to the boxes of one frame."""
 
-    positive: Tensor  # (...) bool: assigned to a box
-    negative: Tensor  # (...) bool: background. All other anchors are left out of the loss.
+    positive: Tensor  # (...) bool: whether an anchor is assigned to a box
+    negative: Tensor  # (...) bool: background anchors; anchors of neither kind have no loss
     box: Tensor  # (...) int64: row of the assigned box
 
 
 class Anchors(nn.Module):
     """Anchors (rows, columns, per_cell, 7) that stand on the road (z = `Site.floor_z`)."""
 
-    x: Tensor  # (columns,) centres of the cells
-    y: Tensor  # (rows,)
-    boxes: Tensor  # (rows, columns, per_cell, 7)
+    x: Tensor  # (columns,) x of the cell centres
+    y: Tensor  # (rows,) y of the cell centres
+    boxes: Tensor  # (rows, columns, per_cell, 7) anchor boxes
 
     def __init__(self, config: AnchorConfig, site: Site, cell_m: float, grid: tuple[int, int]):
         super().__init__()
@@ -63,7 +63,7 @@ class Anchors(nn.Module):
         rows, columns = grid
         x = site.area.low[0] + (torch.arange(columns) + 0.5) * cell_m
         y = site.area.low[1] + (torch.arange(rows) + 0.5) * cell_m
-        # Buffers are on the network's device. They follow from the settings and are not saved.
+        # The buffers move to the network's device. They follow from the settings and are not saved.
         self.register_buffer("x", x, persistent=False)
         self.register_buffer("y", y, persistent=False)
         kinds = [
@@ -71,7 +71,8 @@ class Anchors(nn.Module):
             for size in config.sizes
             for heading in HEADINGS
         ]
-        xy = torch.stack(torch.meshgrid(y, x, indexing="ij")[::-1], dim=-1)  # (rows, columns, 2)
+        # x y of cells (rows, columns, 2)
+        xy = torch.stack(torch.meshgrid(y, x, indexing="ij")[::-1], dim=-1)
         xy = xy[:, :, None].expand(-1, -1, len(kinds), -1)
         boxes = torch.cat([xy, torch.stack(kinds).expand(rows, columns, -1, -1)], dim=-1)
         self.register_buffer("boxes", boxes, persistent=False)
@@ -86,7 +87,7 @@ class Anchors(nn.Module):
         if len(boxes) == 0:
             no_anchor = torch.zeros(shape, dtype=torch.bool, device=boxes.device)
             return Targets(no_anchor, ~no_anchor, torch.zeros_like(no_anchor, dtype=torch.int64))
-        overlap = self.axis_aligned_iou(boxes, grid)  # (rows, columns, per_cell, k)
+        overlap = self.axis_aligned_iou(boxes, grid)  # IoU (rows, columns, per_cell, k)
         best, box = overlap.max(dim=-1)
         positive = best >= self.config.matched
         # A box without a matched anchor is assigned to the anchors that overlap it most.
@@ -109,8 +110,8 @@ class Anchors(nn.Module):
         overlaps = []
         for size in self.config.sizes:
             for lx, ly in ((size[0], size[1]), (size[1], size[0])):
-                ox = _shared(self.x[:columns], lx, boxes[:, 0], gx)  # (columns, k)
-                oy = _shared(self.y[:rows], ly, boxes[:, 1], gy)  # (rows, k)
+                ox = _shared(self.x[:columns], lx, boxes[:, 0], gx)  # overlaps along x (columns, k)
+                oy = _shared(self.y[:rows], ly, boxes[:, 1], gy)  # overlaps along y (rows, k)
                 shared = oy[:, None] * ox[None]
                 overlaps.append(shared / (lx * ly + gx * gy - shared))
         return torch.stack(overlaps, dim=2)

@@ -50,21 +50,23 @@ from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors import Detections
 
 CLASSES = ("Car", "Motorcycle", "Truck", "Bus", "Pedestrian", "Cyclist")
-_VEHICLE_SIZES = [[4.5, 1.9, 1.6], [2.2, 0.8, 1.4], [8.5, 2.5, 3.2], [12, 2.55, 3.2]]  # metres
+# Length, width and height of car, motorcycle, truck and bus, in metres.
+_VEHICLE_SIZES = [[4.5, 1.9, 1.6], [2.2, 0.8, 1.4], [8.5, 2.5, 3.2], [12, 2.55, 3.2]]
 SIZES = np.array([*_VEHICLE_SIZES, [0.73, 0.67, 1.77], [1.67, 0.7, 1.67]])
 _CAR, _MOTORCYCLE, _TRUCK, _BUS, _PEDESTRIAN, _CYCLIST = range(6)
-_LEAST_ALONE = 5  # smallest number of points of a pedestrian or cyclist
+_LEAST_ALONE = 5  # minimum number of points of a pedestrian or cyclist
 
-_ROAD_CELL_M = 5.0  # cell size of the grid of directions
-_KNOWN_ROAD = 1.0  # weight of a known road in this grid; a vehicle in the cell adds about 0.07
+_ROAD_CELL_M = 5.0  # cell size of the grid of road directions
+_KNOWN_ROAD = 1.0  # weight of a known road in the grid of directions; a vehicle adds about 0.07
 _THIN_M = 0.4  # cell size in which points are merged before clustering
-_OFFSETS = np.radians(np.arange(-90, 90, 4)).astype(np.float32)  # headings of the search
+# Headings that are tried for a rectangle, relative to the road.
+_OFFSETS = np.radians(np.arange(-90, 90, 4)).astype(np.float32)
 _BONNET_M = 1.2  # length of the low front or rear of a car
-_ON_SIDE_M = 0.1  # a point this close to a side lies on it
+_ON_SIDE_M = 0.1  # points that are closer to a side of a rectangle count as on the side
 _NEIGHBOUR_M = 10.0  # largest distance from which the height of hidden ground is taken
 _OVERHEAD_M = 2.0  # permanent points higher than this above a road are trees, gantries or signs
 _SHARED = 0.1  # boxes are the same vehicle if the overlap exceeds this share of the smaller box
-_MOST = 1000  # most boxes of a frame; limits the time in heavy rain or with a wrong background
+_MOST = 1000  # maximum number of boxes in a frame; limits the time in heavy rain
 
 # Exceptions of NumPy for a file that is not an .npz file, is incomplete or has other arrays.
 _UNREADABLE = (ValueError, TypeError, KeyError, EOFError, ArithmeticError, BadZipFile, zlib.error)
@@ -76,13 +78,14 @@ class Config:
 
     range_m: float = ruled(120.0, 1, 1000)  # points with a larger absolute x, y or z are ignored
     cell_m: float = ruled(1.0, 0.1, 20)  # cell size of the grid of the ground
-    clearance_m: float = ruled(0.15, 0, 5)  # points less than this above the ground belong to it
+    clearance_m: float = ruled(0.15, 0, 5)  # points lower than this above ground are ground points
     ceiling_m: float = ruled(5.0, 0.1, 50)  # points higher than this above the ground are ignored
     # a voxel is background if it has points in more than this share of the frames
     permanent_share: float = ruled(0.7, 0, 1)
-    # largest gap between points of a vehicle across the road; it grows with distance
+    # largest gap between points of a vehicle across the road; the gap grows with distance
     gap_m: float = ruled(0.8, 0.05, 10)
-    gap_along_m: float = ruled(1.2, 0.05, 10)  # largest gap along the road, at short distance
+    # largest gap between points of a vehicle along the road; the gap grows with distance
+    gap_along_m: float = ruled(1.2, 0.05, 10)
     within_region: bool = True  # whether boxes outside the roads or the outline are left out
     region_margin_m: float = ruled(1.0, 0, 20)  # margin around roads or outline for inexact boxes
     # whether small clusters become Pedestrian or Cyclist; region_margin_m must cover the footways
@@ -107,9 +110,11 @@ class Background:
     settings: Config
     ground: Floats  # (n, n) z of the ground, metres
     permanent: BoolArray  # (n, n, layers of 1 m above the ground) voxels of permanent objects
-    region: BoolArray  # (n, n) where vehicles can be; everywhere if unknown
+    region: BoolArray  # (n, n) cells in which vehicles can be; all cells if unknown
     road: Floats  # (m, m, 2) mean cos, sin of twice the heading; a shorter vector is less certain
-    expected: Floats  # (2,) points of a vehicle: ln n = expected[0] + expected[1] * ln distance
+    # (2,) coefficients of the expected number n of points of a vehicle:
+    # ln n = expected[0] + expected[1] * ln distance
+    expected: Floats
 
     @classmethod
     def learn(
@@ -243,13 +248,13 @@ class Background:
 class _Rectangles:
     """Clusters with the rectangles around their points, in axes turned by the heading."""
 
-    heading: Floats  # (c,)
+    heading: Floats  # (c,) heading of each rectangle
     low: Floats  # (c, 2) minimum coordinates ahead and to the left
-    high: Floats  # (c, 2) largest coordinates
-    bottom: Floats  # (c,) z of the ground
+    high: Floats  # (c, 2) maximum coordinates ahead and to the left
+    bottom: Floats  # (c,) z of the ground below the cluster
     lowest: Floats  # (c,) height of the lowest point above the ground
-    height: Floats  # (c,) height of the highest point
-    count: Floats  # (c,) number of points
+    height: Floats  # (c,) height of the highest point above the ground
+    count: Floats  # (c,) number of points of the cluster
 
     @property
     def size(self) -> Floats:
@@ -284,7 +289,7 @@ def _usable(points: Points, s: Config) -> Floats:
     """
     if points.ndim != 2 or points.shape[1] != 4:
         raise Error(f"points: expected (n, 4), got {points.shape}")
-    x, y, z = (np.abs(points[:, axis]) < s.range_m for axis in range(3))  # False for nan
+    x, y, z = (np.abs(points[:, axis]) < s.range_m for axis in range(3))  # NaN gives False
     good = x & y & z
     return points[:, :3].take(np.flatnonzero(good), axis=0).astype(np.float32, copy=False)
 
@@ -567,10 +572,10 @@ def _headings(xy: Floats, label: Int32Array, road: Floats) -> Floats:
     count = np.diff(start, append=len(xy))
     mean = np.add.reduceat(xy, start) / count[:, None].astype(np.float32)
     along = road[_road_cell(mean, len(road))]
-    heading = np.arctan2(along[:, 1], along[:, 0])[:, None] / 2 + _OFFSETS  # (c, h)
+    heading = np.arctan2(along[:, 1], along[:, 0])[:, None] / 2 + _OFFSETS  # headings (c, h)
     cos, sin = np.cos(heading), np.sin(heading)
     x, y = (xy - mean[label]).T[..., None]
-    ahead = x * cos[label] + y * sin[label]  # (t, h)
+    ahead = x * cos[label] + y * sin[label]  # coordinates (t, h)
     left = y * cos[label] - x * sin[label]
     inside_ahead, _ = _inside(ahead, start, label)
     inside_left, width = _inside(left, start, label)

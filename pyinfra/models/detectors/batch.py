@@ -23,15 +23,15 @@ class Windows:
     """
 
     most_m2: float
-    centres: tuple[tuple[float, float], ...]  # x y of each frame
+    centres: tuple[tuple[float, float], ...]  # x y of the centre of each frame's window
 
 
 @dataclass(frozen=True, eq=False)
 class CanvasPart:
     """The part of the canvas that a batch uses, and the boxes in this part."""
 
-    sides: tuple[int, int]  # rows, columns
-    first: Tensor | None  # (B, 2) row, column of the part's first cell; None: the whole canvas
+    sides: tuple[int, int]  # numbers of rows and columns
+    first: Tensor | None  # (B, 2) row, column of the part's first cell; None for the whole canvas
     boxes: tuple[Tensor, ...]  # (k, 7) boxes of each frame in the part, shifted with the part
     classes: tuple[Tensor, ...]  # (k,) class numbers of these boxes
 
@@ -40,10 +40,10 @@ class CanvasPart:
 class Batch:
     """Several frames, with their points concatenated."""
 
-    points: Tensor  # (n, 4) float32; (n, 5) with ages
+    points: Tensor  # (n, 4) float32 points, or (n, 5) with the age of each point
     counts: tuple[int, ...]  # number of points in each frame
-    boxes: tuple[Tensor, ...]  # (k, 7) float32 for each frame
-    windows: Windows | None = None  # None: the whole canvas is used
+    boxes: tuple[Tensor, ...]  # boxes (k, 7) float32 of each frame
+    windows: Windows | None = None  # windows of the frames; None if the whole canvas is used
     classes: tuple[Tensor, ...] = ()  # (k,) int64 class numbers of the boxes of each frame
     balance: float = 0.0  # weighting of frames in the loss: see `Learning.balance`
 
@@ -54,7 +54,7 @@ class Batch:
     @cached_property
     def frame(self) -> Tensor:
         """(n,) int64, frame of each point, ascending."""
-        if len(self.counts) == 1:  # an exported program has a variable number of points
+        if len(self.counts) == 1:  # so that an exported program accepts any number of points
             return torch.zeros_like(self.points[:, 0], dtype=torch.int64)
         return owners(self.counts, self.points.device)
 

@@ -12,8 +12,8 @@ class BevConfig:
     """Two-dimensional network on the bird's-eye canvas; lists have one value per block."""
 
     layers: tuple[int, ...] = ruled((3, 5, 5), 0, 20)  # convolutions after the strided convolution
-    widths: tuple[int, ...] = ruled((64, 128, 256), 1, 1024)  # channels
-    strides: tuple[int, ...] = ruled((2, 2, 2), 1, 4)  # stride of the first convolution
+    widths: tuple[int, ...] = ruled((64, 128, 256), 1, 1024)  # channels of each block
+    strides: tuple[int, ...] = ruled((2, 2, 2), 1, 4)  # stride of each block's first convolution
     up_width: int = ruled(128, 1, 1024)  # channels that each block adds to the output
 
     def __post_init__(self) -> None:

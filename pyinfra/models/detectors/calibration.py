@@ -11,7 +11,7 @@ from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.errors import Error
 
 STEADY = 1e-3  # weight of the prior for unchanged scores; only matters if there are few boxes
-LEAST = 1e-7  # scores are clipped to LEAST .. 1 - LEAST
+LEAST = 1e-7  # scores are clipped to the range from LEAST to 1 - LEAST
 
 
 def logit(scores: FloatArray) -> FloatArray:

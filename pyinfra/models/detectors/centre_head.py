@@ -30,7 +30,7 @@ from pyinfra.models.detectors.network import Losses
 from pyinfra.models.ops.constants import constant, numbers, owners
 
 BOX_WEIGHT, DIRECTION_WEIGHT = 0.5, 0.2
-LEAST_CELLS = 0.6  # minimum standard deviation of a Gaussian, in cells
+LEAST_CELLS = 0.6  # minimum standard deviation of a Gaussian of the heat map, in cells
 
 
 class CentreHead(nn.Module):
@@ -88,7 +88,7 @@ class CentreHead(nn.Module):
         frame = owners(sizes, x.device)
         every = torch.cat(boxes)
         row, column = self.cells_of(every, logits.shape[2:])
-        at = residuals[frame, row, column]  # (k, 8)
+        at = residuals[frame, row, column]  # residuals (k, 8)
         parts = self.box_losses(at, every, row, column, weights[frame])
         return {name: part / count for name, part in (heat | parts).items()}
 
@@ -159,8 +159,8 @@ class CentreHead(nn.Module):
         if len(boxes) == 0:
             return heat
         row, column = self.cells_of(boxes, shape)
-        y = torch.arange(shape[0], device=boxes.device) - row[:, None]  # (k, H) cells
-        x = torch.arange(shape[1], device=boxes.device) - column[:, None]  # (k, W)
+        y = torch.arange(shape[0], device=boxes.device) - row[:, None]  # offsets (k, H) in cells
+        x = torch.arange(shape[1], device=boxes.device) - column[:, None]  # offsets (k, W) in cells
         cos, sin = boxes[:, 6].cos()[:, None, None], boxes[:, 6].sin()[:, None, None]
         dx, dy = x[:, None, :], y[:, :, None]
         ahead, left = cos * dx + sin * dy, cos * dy - sin * dx

@@ -12,14 +12,14 @@ from pyinfra.core.errors import Error
 from pyinfra.dataset.regions import Region
 
 MARGIN_M = 1.0
-REGION_MARGIN_M = 8.0  # half a long vehicle, so that vehicles centred at the border are included
+REGION_MARGIN_M = 8.0  # half the length of a long vehicle that is centred at the region's border
 
 
 @dataclass(frozen=True)
 class Area:
     """The part of the levelled LiDAR frame that a detector uses, in metres."""
 
-    low: tuple[float, float, float]  # x y z
+    low: tuple[float, float, float]  # lowest x, y and z
     high: tuple[float, float, float]
 
     def __post_init__(self) -> None:

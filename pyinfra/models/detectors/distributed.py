@@ -119,7 +119,7 @@ class _SharedNorm(_BatchNorm):
         number = torch.tensor([x.numel() / x.shape[1]], device=x.device)
         sums = _summed(torch.cat([wide.sum(around), number]))
         n = sums[-1].item()
-        if n < 2:  # the variance is undefined
+        if n < 2:  # the variance of fewer than two values is undefined
             mean, variance = self.running_mean, self.running_var
             return functional.batch_norm(x, mean, variance, self.weight, self.bias, eps=self.eps)
         shape = (1, -1, *[1] * (x.dim() - 2))

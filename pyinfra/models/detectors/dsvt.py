@@ -47,8 +47,8 @@ class Config:
     pillar_m: float = ruled(0.32, 0.05, 2)  # side of a pillar
     point_layers: int = ruled(2, 1, 4)  # layers of the pillar encoder
     width: int = ruled(192, 2, 1024)  # channels of a pillar
-    blocks: int = ruled(4, 1, 16)  # attention blocks
-    heads: int = ruled(8, 1, 64)  # heads of each attention
+    blocks: int = ruled(4, 1, 16)  # number of attention blocks
+    heads: int = ruled(8, 1, 64)  # number of heads of each attention
     feed_width: int = ruled(384, 1, 4096)  # channels between the two layers after an attention
     set_size: int = ruled(36, 1, 1024)  # largest number of pillars that attend to each other
     windows: tuple[int, ...] = ruled((12, 24), 1, 1024)  # window sides in cells; blocks alternate
@@ -75,7 +75,7 @@ class Embedding(nn.Module):
     def __init__(self, side: int, width: int) -> None:
         super().__init__()
         cell = torch.arange(side) - side / 2
-        positions = torch.cartesian_prod(cell, cell).flip(1)  # x y
+        positions = torch.cartesian_prod(cell, cell).flip(1)  # x y of each cell
         self.register_buffer("positions", positions, persistent=False)
         norm = LocalNorm(width) if side > 1 else nn.Identity()
         self.layers = nn.Sequential(nn.Linear(2, width), norm, nn.ReLU(), nn.Linear(width, width))
@@ -248,7 +248,7 @@ class Dsvt(Network):
 
     def canvas(self, batch: Batch, view: CanvasPart | None = None) -> Tensor:
         """Returns the canvas (B, width, H, W), or the part of it in `view`."""
-        features, pillar = self.encoder.occupied(batch)  # (n, width), (n,)
+        features, pillar = self.encoder.occupied(batch)  # features (n, width), pillars (n,)
         if view is not None:
             in_view = self.encoder.seen(pillar, view)
             features, pillar = features[in_view], pillar[in_view]

@@ -29,7 +29,7 @@ from pyinfra.models.detectors.suppression import (
 )
 from pyinfra.models.ops.boxes import nms
 
-Losses = dict[str, Tensor]  # tensors of one element, whose sum is minimised
+Losses = dict[str, Tensor]  # terms of the loss by name; their sum is minimised
 
 
 @contextmanager
@@ -74,7 +74,7 @@ def keep_memory() -> None:
     """
     try:
         mallopt = ctypes.CDLL(None).mallopt
-    except (OSError, TypeError, AttributeError):  # another system or C library
+    except (OSError, TypeError, AttributeError):  # another operating system or C library
         return
     for what, size in ((MMAP_THRESHOLD, 1 << 30), (TRIM_THRESHOLD, (1 << 31) - 1)):
         mallopt(what, size)
@@ -91,7 +91,7 @@ class Network(nn.Module, abc.ABC):
     def __init__(self, site: Site) -> None:
         super().__init__()
         self.site = site
-        self.calibration: tuple[float, ...] | None = None  # a, b of each class (see `calibrated`)
+        self.calibration: tuple[float, ...] | None = None  # a, b of `calibrated` for each class
         self.min_score = MIN_SCORE
 
     @abc.abstractmethod
@@ -118,7 +118,7 @@ class Network(nn.Module, abc.ABC):
         if len(batch.points) == 0:
             return [empty() for _ in clouds]
         device = next(self.parameters()).device
-        # The suppression of a frame takes less time than waiting for a GPU several times.
+        # On a GPU, the suppression would take longer, because the CPU would wait several times.
         return [
             self.best(*(part.cpu() for part in candidates))
             for candidates in self.candidates(batch.to(device))

@@ -53,14 +53,14 @@ class PillarEncoder(nn.Module):
     def occupied(self, batch: Batch) -> tuple[Tensor, Tensor]:
         """Returns features (p, width) and ascending numbers (p,) of the p pillars with points."""
         pillar, member = torch.unique(self.pillar_of(batch), return_inverse=True)
-        # A batch norm is undefined without points, and in training also for a single point. If
-        # there are several processes, the shared batch norm handles this case, because it must run
-        # in all processes.
+        # A batch norm is undefined without points, and in training also for a single point. With
+        # several processes, the shared batch norm handles such batches, because it must run in all
+        # processes.
         if len(batch.points) < (2 if self.training else 1) and distributed.count() == 1:
             return batch.points.new_zeros(0, self.width), pillar[:0]
-        features = self.point_features(batch, pillar, member)  # (n, 7 to 11)
+        features = self.point_features(batch, pillar, member)  # features (n, 7 to 11)
         for layer in self.before:
-            activations = torch.relu(layer(features))  # (n, width / 2)
+            activations = torch.relu(layer(features))  # activations (n, width / 2)
             features = torch.cat(
                 [activations, _most(activations, member, len(pillar))[member]], dim=1
             )
@@ -81,7 +81,7 @@ class PillarEncoder(nn.Module):
             pillar = (frame * rows + row) * columns + column
         canvas = features.new_zeros(frames * rows * columns, self.width)
         canvas.index_put_((pillar,), features)
-        # The memory layout is channels last.
+        # In memory, the channels of a cell are adjacent (channels last).
         return canvas.view(frames, rows, columns, self.width).permute(0, 3, 1, 2)
 
     def seen(self, pillar: Tensor, view: CanvasPart) -> Tensor:
@@ -129,7 +129,7 @@ class PillarEncoder(nn.Module):
         coordinates = torch.stack([xyz, xyz - mean[member], xyz - middle[member]], dim=1).flatten(1)
         intensity, age = batch.points[:, 3:4], batch.points[:, 4:5]
         parts = [coordinates, age, intensity] if self.age else [coordinates, intensity]
-        # x, y and the intensity are at the ends, so that a slice removes them if they are not used.
+        # x, y and the intensity are at the ends, so that a slice removes unused columns.
         return torch.cat(parts, dim=1)[:, self.first : self.last]
 
     def pooled(self, features: Tensor, member: Tensor, pillars: int) -> Tensor:

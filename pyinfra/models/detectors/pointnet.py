@@ -40,8 +40,8 @@ from pyinfra.models.ops.triton_layers import most_of_groups, usable
 class Clouds:
     """The concatenated points of some clouds, with features."""
 
-    xyz: Tensor  # (n, 3) float32
-    features: Tensor  # (n, c)
+    xyz: Tensor  # (n, 3) float32 coordinates of the points
+    features: Tensor  # (n, c) features of the points
     counts: Counts  # number of points in each cloud; may be 0
 
     def with_features(self, features: Tensor) -> Clouds:
@@ -131,7 +131,7 @@ class LocalMax(nn.Module):
         """Returns features (m, widths[-1]) of centres (m, 3), from pairs of rows (p,)."""
         offset = clouds.xyz[points] - centres[owners]
         features = self.feature(clouds.features)
-        # On a GPU, the gradient of `index_select` needs no sorting.
+        # On a GPU, the gradient of `index_select` needs no sorting, unlike that of an index.
         gathered = features[points] if on_cpu(features) else features.index_select(0, points)
         x: Tensor = self.rest(self.offset(offset) + gathered)
         if usable(x):
@@ -146,7 +146,7 @@ class Ball:
     """One scale of a set abstraction."""
 
     radius_m: float
-    most: int  # largest number of points
+    most: int  # maximum number of points in the ball
     widths: tuple[int, ...]
 
 

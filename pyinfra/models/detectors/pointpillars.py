@@ -57,7 +57,7 @@ class AnchorHead(nn.Module):
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Maps (B, C, H, W) to (B, n), (B, n, 7) and (B, n, 2), where n = H * W * per_cell."""
 
-        # One product is faster than three convolutions.
+        # One matrix product is faster than three convolutions.
         layers = (self.score, self.box, self.direction)
         weight = torch.cat([layer.weight for layer in layers]).flatten(1)
         bias = torch.cat([layer.get_parameter("bias") for layer in layers])
@@ -73,20 +73,21 @@ class AnchorHead(nn.Module):
         A smaller canvas has the windows of the frames, shifted to the first cell. boxes: (k, 7) of
         each frame, shifted in the same way.
         """
-        scores, residuals, directions = self(x)  # (B, n), (B, n, 7), (B, n, 2)
+        scores, residuals, directions = self(x)  # shapes (B, n), (B, n, 7), (B, n, 2)
         grid = (x.shape[2], x.shape[3])
-        anchors = self.anchors.boxes[: grid[0], : grid[1]].flatten(0, 2)  # (n, 7)
+        anchors = self.anchors.boxes[: grid[0], : grid[1]].flatten(0, 2)  # anchor boxes (n, 7)
         targets = [self.anchors.targets(b, grid) for b in boxes]
-        positive = torch.stack([t.positive.flatten() for t in targets])  # (B, n) bool
+        positive = torch.stack([t.positive.flatten() for t in targets])  # mask (B, n) of positives
         negative = torch.stack([t.negative.flatten() for t in targets])
         # The loss of a frame is divided by its number of positive anchors.
-        share = 1 / (len(boxes) * positive.sum(dim=1).clamp(min=1))  # (B,)
+        share = 1 / (len(boxes) * positive.sum(dim=1).clamp(min=1))  # weights (B,)
         every = focal(scores, positive.to(scores.dtype))
         score = (torch.where(positive | negative, every, 0).sum(dim=1) * share).sum()
-        frame, anchor = positive.nonzero().unbind(1)  # (p,) of all frames; p: positive anchors
+        frame, anchor = positive.nonzero().unbind(1)  # rows (p,) of all p positive anchors
         first = numbers([0, *itertools.accumulate(map(len, boxes))][:-1], x.device)
         box_of = torch.stack([t.box.flatten() for t in targets]) + first[:, None]
-        assigned, weight = torch.cat(boxes)[box_of[frame, anchor]], share[frame]  # (p, 7), (p,)
+        # boxes (p, 7), weights (p,)
+        assigned, weight = torch.cat(boxes)[box_of[frame, anchor]], share[frame]
         wanted = encode(assigned, anchors[anchor])
         box = (_box_loss(residuals[frame, anchor], wanted).sum(dim=1) * weight).sum()
         backwards = is_backwards(assigned[:, 6]).long()

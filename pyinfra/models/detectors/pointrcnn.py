@@ -60,7 +60,7 @@ from pyinfra.models.ops.clouds import sizes_of
 from pyinfra.models.ops.constants import constant
 from pyinfra.models.ops.points import box_of_points, points_in_boxes
 
-POINT_FEATURES = 4  # intensity, height, position (2)
+POINT_FEATURES = 4  # input features of a point: intensity, height, x, y
 RADII_M = ((0.1, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 4.0))
 NEIGHBOURS = (16, 32)
 DOWN = (
@@ -72,42 +72,42 @@ DOWN = (
 UP = ((128, 128), (256, 256), (512, 512), (512, 512))
 HEAD = (256, 256)
 
-LOCAL_FEATURES = 6  # x y z in the proposal's frame, intensity, score, distance
+LOCAL_FEATURES = 6  # features of a point: x y z in the proposal's frame, intensity, score, distance
 LOCAL = (128, 128)
 MERGED = (128,)
 ROI_LEVELS = ((128, Ball(0.2, 16, (128, 128, 128))), (32, Ball(0.4, 16, (128, 128, 256))))
 ROI_WHOLE = (256, 256, 512)
 
-BEFORE_NMS = 9000  # largest number of boxes that enter the non-maximum suppression
+BEFORE_NMS = 9000  # maximum number of boxes that enter the non-maximum suppression
 DOUBT_M = 0.2  # points from AROUND_M to this distance outside a box are left out of the loss
 CONTEXT_M = 1.0  # a proposal grows by this in all dimensions when its points are collected
 DEPTH_M = 100.0
 
 # Thresholds of the 3-D IoU of a proposal and a vehicle.
-REFINED = 0.55  # least IoU of proposals whose refinement is trained
-GOOD, BAD = 0.6, 0.45  # a proposal is a vehicle at GOOD or more, and background below BAD
-HARD, HARD_SHARE = 0.05, 0.8  # least IoU of hard background, and its share of the background
+REFINED = 0.55  # minimum IoU of proposals whose refinement is trained
+GOOD, BAD = 0.6, 0.45  # a proposal is a vehicle at an IoU of GOOD or more, and background below BAD
+HARD, HARD_SHARE = 0.05, 0.8  # minimum IoU of hard background, and its share of the background
 
 
 @dataclass(frozen=True)
 class Config:
     """Sizes of the network; the defaults are the published sizes, except for `size_m`."""
 
-    # faithful: all points are equally likely; remedied: points are sampled evenly by area, without
-    # the ground
+    # with `faithful`, all points are equally likely; with `remedied`, points are sampled evenly by
+    # area, without the ground
     sampling: Literal["faithful", "remedied"] = "faithful"
     points: int = ruled(16384, 64, 1_000_000)  # points sampled from a frame
-    clearance_m: float = ruled(0.2, 0, 5)  # remedied: lower points are ground
-    cell_m: float = ruled(1.0, 0.1, 20)  # remedied: side of a square of the sampling by area
+    clearance_m: float = ruled(0.2, 0, 5)  # with `remedied`, lower points count as ground
+    cell_m: float = ruled(1.0, 0.1, 20)  # with `remedied`, side of a square of the sampling by area
     levels: tuple[int, int, int, int] = ruled((4096, 1024, 256, 64), 4, 65536)  # points per level
-    width: float = ruled(1.0, 0.05, 4)  # factor on the published widths of layers
+    width: float = ruled(1.0, 0.05, 4)  # factor by which the published layer widths are multiplied
     size_m: tuple[float, float, float] = ruled(CAR_M, 0.1, 30)  # size that residuals refer to
     # proposals whose footprints have a higher IoU with a better proposal are removed
     proposal_iou: float = ruled(0.85, 0.05, 1)
     proposals: int = ruled(512, 1, 4096)  # proposals of a training frame, to sample from
     rois: int = ruled(128, 2, 1024)  # sampled proposals of a training frame
     rois_detected: int = ruled(100, 1, 1024)  # proposals of a frame that are refined in detection
-    roi_points: int = ruled(512, 16, 4096)  # largest number of points used in a proposal
+    roi_points: int = ruled(512, 16, 4096)  # maximum number of points used in a proposal
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +115,8 @@ class Seen:
     """The output of the first stage for a batch."""
 
     clouds: Clouds  # points of the frames, with semantic features; `counts` are integers
-    intensity: Tensor  # (n,)
-    logits: Tensor  # (n,) whether a point belongs to a vehicle
+    intensity: Tensor  # (n,) intensity of each point
+    logits: Tensor  # (n,) logits that a point belongs to a vehicle
     residuals: Tensor  # (n, 8) residuals of the box at each point
 
 
@@ -124,7 +124,7 @@ class Seen:
 class SampledRois:
     """The sampled training proposals of all frames."""
 
-    rois: Tensor  # (r, 7)
+    rois: Tensor  # (r, 7) boxes of the proposals
     counts: list[int]  # number of proposals in each frame
     overlap: Tensor  # (r,) highest 3-D IoU with a vehicle
     boxes: Tensor  # (r, 7) box of the vehicle with the highest IoU; undefined if overlap is 0

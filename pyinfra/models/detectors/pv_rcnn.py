@@ -53,8 +53,8 @@ from pyinfra.models.ops.points import box_of_points
 RADII = ((0.4, 0.8), (0.4, 0.8), (0.8, 1.2), (1.2, 2.4), (2.4, 4.8))
 GRID_RADII = (0.8, 1.6)
 
-LEARNT_NMS_IOU, INFERENCE_NMS_IOU = 0.8, 0.7  # suppression of proposals in training and detection
-FOREGROUND_IOU = 0.55  # least IoU of foreground proposals, whose refinement is trained
+LEARNT_NMS_IOU, INFERENCE_NMS_IOU = 0.8, 0.7  # IoU limits of suppression in training and detection
+FOREGROUND_IOU = 0.55  # minimum IoU of foreground proposals, whose refinement is trained
 FOREGROUND_SHARE = 0.5  # largest share of foreground proposals in a training frame
 BACKGROUND_IOU = 0.1  # background proposals with a higher IoU are hard
 HARD_SHARE = 0.8  # share of hard proposals among the background proposals
@@ -78,10 +78,10 @@ class Config:
         )
     )
     anchors: AnchorConfig = field(default_factory=AnchorConfig)
-    key_points: int = ruled(2048, 1, 65536)  # key points of a frame
-    # largest distance of key points from proposals; 0: no limit
+    key_points: int = ruled(2048, 1, 65536)  # number of key points of a frame
+    # largest distance of key points from proposals; 0 for no limit
     around_m: float = ruled(0.0, 0, 100)
-    neighbours: int = ruled(16, 1, 256)  # largest number of points in each ball
+    neighbours: int = ruled(16, 1, 256)  # maximum number of points in each ball
     key_width: int = ruled(128, 1, 1024)  # channels of a key point
     proposals: int = ruled(128, 1, 1024)  # proposals of a frame that are refined
     grid: int = ruled(6, 1, 16)  # grid points along each side of a proposal
@@ -127,7 +127,7 @@ class KeyPoints(nn.Module):
         """Returns the features of the canvas (B, C, H, W), interpolated at key points: (m, C)."""
         low = constant(self.area.low[:2], xyz)
         size = constant([canvas.shape[3] * self.cell_m, canvas.shape[2] * self.cell_m], xyz)
-        positions = 2 * (xyz[:, :2] - low) / size - 1  # (m, 2)
+        positions = 2 * (xyz[:, :2] - low) / size - 1  # positions (m, 2) in [-1, 1]
         features = [
             functional.grid_sample(
                 canvas[i : i + 1], part[None, None], padding_mode="border", align_corners=False
@@ -159,10 +159,10 @@ class Refinement(nn.Module):
 
         counts: number of proposals in each frame.
         """
-        grid = grid_points(boxes, self.grid)  # (r, g, 3)
+        grid = grid_points(boxes, self.grid)  # grid points (r, g, 3)
         each = grid.shape[1]
         features = self.pool(key, grid.flatten(0, 1), [each * n for n in counts]).features
-        # The size is explicit, because -1 is ambiguous if there are no proposals.
+        # The number of columns is explicit, because -1 is ambiguous if there are no proposals.
         x = self.shared(features.reshape(len(grid), each * features.shape[1]))
         return self.score(x)[:, 0].float(), self.box(x).float()
 

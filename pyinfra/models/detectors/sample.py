@@ -13,11 +13,11 @@ from pyinfra.core.errors import Error
 class Sample:
     """One training frame."""
 
-    points: Points  # (n, 4 or 5): x y z intensity [age]
+    points: Points  # (n, 4 or 5) points x y z intensity [age]
     boxes: FloatArray  # (k, 7) boxes of the objects with a point of this LiDAR
-    classes: IntArray | None = None  # (k,) class numbers of the boxes; None: all 0
+    classes: IntArray | None = None  # (k,) class numbers of the boxes; None if all are 0
     height_m: float = field(default=0.0, kw_only=True)  # height of the sensor above z = 0
-    # points (m, 4 or 5) of each box, if they were found before
+    # points (m, 4 or 5) in each box, if they were selected before
     objects: tuple[Points, ...] | None = field(default=None, kw_only=True)
 
     @property

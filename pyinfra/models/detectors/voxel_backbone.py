@@ -74,7 +74,7 @@ class VoxelBackbone(nn.Module):
         for _ in range(len(widths)):
             depth = (depth + 1) // 2
         self.channels = canvas_width * depth
-        self.grid = rows // along[-1], columns // along[-1]  # size of the canvas
+        self.grid = rows // along[-1], columns // along[-1]  # rows and columns of the canvas
 
     def forward(self, batch: Batch, view: CanvasPart | None = None) -> tuple[list[Clouds], Tensor]:
         """Returns the voxels of each level and the canvas.
@@ -95,14 +95,14 @@ class VoxelBackbone(nn.Module):
         low = constant(self.area.low, batch.points)
         extent = constant(self.area.size, batch.points)
         away = batch.points[:, :3] - low
-        cell = (away / constant(self.size, batch.points)).long()  # (n, 3)
+        cell = (away / constant(self.size, batch.points)).long()  # cells x y z (n, 3)
         cell = torch.minimum(cell, constant([columns, rows, depth], cell) - 1)
         key = ((batch.frame * depth + cell[:, 2]) * rows + cell[:, 1]) * columns + cell[:, 0]
         keys, member = torch.unique(key, return_inverse=True)
         if view is not None and view.first is not None:
             moved = functional.pad(view.first.flip(1), (0, 1)) * constant(self.size, away)
             away = away + moved[batch.frame]
-        inputs = torch.cat([2 * away / extent - 1, batch.points[:, 3:]], dim=1)  # (n, 4)
+        inputs = torch.cat([2 * away / extent - 1, batch.points[:, 3:]], dim=1)  # inputs (n, 4)
         count = torch.bincount(member, minlength=len(keys)).clamp(min=1).to(inputs.dtype)
         mean = inputs.new_zeros(len(keys), 4).index_add(0, member, inputs) / count[:, None]
         above, x = keys // columns, keys % columns

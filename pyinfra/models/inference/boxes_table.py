@@ -74,7 +74,7 @@ class TrainedDetector(Presented):
         return to
 
 
-OWN: dict[str, Any] = {}  # detectors of the user by name
+OWN: dict[str, Any] = {}  # detectors that the user registered, by name
 
 
 @public()

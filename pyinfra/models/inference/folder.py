@@ -35,7 +35,7 @@ from pyinfra.models.inference.frames_learnt import frames_warning, model_origin
 from pyinfra.models.inference.static_filter import length_warning, without_standing
 from pyinfra.models.training.sources import spread
 
-OUTLINE_MARGIN_M = 1.0  # margin for inexact boxes, as that of the detector Background
+OUTLINE_MARGIN_M = 1.0  # margin around an outline for inexact boxes, as in the detector Background
 
 Warn = Callable[[str], None]
 
@@ -61,7 +61,7 @@ class FolderDetections:
 
     files: Sequence[Path]
     detections: Sequence[Detections]
-    times_ms: FloatArray  # (n,) time from points to boxes
+    times_ms: FloatArray  # (n,) time of each frame from points to boxes, ms
     left_out: int | None = None  # number of removed standing boxes; None if the filter is off
     inputs: str = ""  # the inputs that the model used, such as "single frames"
 

@@ -23,7 +23,7 @@ from pyinfra.models.training.sources import spread
 from pyinfra.models.training.train import BACKGROUND_FRAMES
 
 CLUSTER_SCORE = 0.3  # clusters of moving points with a lower score are not used
-OFF_M = 1.0  # a box is outside the region if its centre is farther outside than this
+OFF_M = 1.0  # a box is outside the region if its centre is more than this distance outside
 
 
 class NoQuality(Error):

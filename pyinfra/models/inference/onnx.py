@@ -28,7 +28,7 @@ from pyinfra.models.inference.onnx_suppression import remaining
 from pyinfra.models.training import checkpoint
 
 DENSE = (PointPillars, CenterPointPillar)
-OPSET = 18  # the first version of the ONNX operators whose scatter operation has a maximum
+OPSET = 18  # first version of the ONNX operators in which a scatter can take a maximum
 
 
 class Graph(nn.Module):

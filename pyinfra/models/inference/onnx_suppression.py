@@ -10,8 +10,8 @@ from torch import Tensor
 
 from pyinfra.models.detectors.suppression import NMS_IOU
 
-# Whether a box remains depends on better boxes, which can depend on others. Each step follows one
-# more link of such a chain. Longer chains than STEPS do not occur in practice.
+# Number of steps of the suppression. Whether a box remains can depend on a chain of better boxes,
+# and each step decides one box of the chain. Chains are shorter than STEPS in practice.
 STEPS = 12
 FLAT = 1e-6  # minimum change of a coordinate along an edge, metres
 

@@ -15,7 +15,7 @@ from pyinfra.models.detectors import Detections
 
 OwnDetector: TypeAlias = Callable[[Points], Any]
 
-LONGEST_M = 100.0  # largest side of a box; a larger one is probably not in metres
+LONGEST_M = 100.0  # largest side of a box, metres; a larger side is probably in another unit
 
 
 def detections_of_own(number: int, model: OwnDetector, points: Points) -> Detections:

@@ -9,13 +9,13 @@ from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.dataset.outlines import Drawn, first_crossing
 
 CELL_M = 0.5
-AHEAD_M = 15.0  # vehicles drive straight on before and after their path
+AHEAD_M = 15.0  # length by which a path is extended straight at both ends
 HALF_WIDTH_M = 1.3  # half the width of a vehicle's path
-CLOSED_M = 8.0  # radius of the closing, which fills gaps between lanes
-LEAST_PART = 0.01  # smaller parts of the area are left out; share of the marked cells
-MOST_GAP_M = 20.0  # parts with a larger gap between them become outlines of their own
-STRIP_M = 3.0  # half the width of the strips that join the parts
-LEAST_HOLE_M2 = 300.0  # smaller holes are filled, and all holes of a short recording
+CLOSED_M = 8.0  # radius of the morphological closing that fills gaps between lanes
+LEAST_PART = 0.01  # minimum size of a part of the area, as a share of the marked cells
+MOST_GAP_M = 20.0  # parts of the area with a larger gap between them become separate outlines
+STRIP_M = 3.0  # half the width of the strips that join the parts of the area
+LEAST_HOLE_M2 = 300.0  # smaller holes are filled; in a short recording, all holes are filled
 MARGIN_M = 1.0  # margin around the closed area
 MOST_CORNERS = 20
 
@@ -105,7 +105,8 @@ def boundary(area: BoolArray) -> FloatArray:
     The area does not touch the edge of the grid.
     """
     following: dict[tuple[int, int], list[tuple[int, int]]] = {}
-    # The area is on the left of each side. (di, dj): the neighbour beyond the side.
+    # Each side of a cell is directed so that the area is on its left. (di, dj) is the step to the
+    # cell beyond the side.
     for (di, dj), start, end in (
         ((0, -1), (0, 0), (1, 0)),
         ((1, 0), (1, 0), (1, 1)),

@@ -36,34 +36,34 @@ from pyinfra.models.inference.path_area import area_of
 from pyinfra.models.training.sources import spread
 from pyinfra.models.training.train import BACKGROUND_FRAMES
 
-SHORT_S = 30.0  # in a shorter recording, some lanes have no vehicle
+SHORT_S = 30.0  # in a shorter recording, some lanes may have no vehicle
 LEAST_S = 10.0  # minimum duration of the recording
 LEAST_VEHICLES = 5  # minimum number of tracks of vehicles
-MOST_SPACING_S = 0.25  # with more time between frames, boxes of leaves are linked to tracks
-SPACING_S = 0.2  # time between the frames that are used, if the recording has as many
+MOST_SPACING_S = 0.25  # maximum time between frames; with more, boxes on leaves form tracks
+SPACING_S = 0.2  # time between the frames that are used, if the recording has enough frames
 # Maximum number of frames that are used. They are WINDOWS windows of consecutive frames.
 MOST_FRAMES = 600
 WINDOWS = 20
 LEAST_SCORE = 0.2  # clusters with a lower score have too few points, or are too large
-# A vehicle is faster than a pedestrian. Over a time of WINDOW_S, its boxes are at most UNIFORM_M
-# away from a uniform motion.
+# A vehicle is faster than SLOWEST_M_S, unlike a pedestrian. Over a time of WINDOW_S, the boxes of a
+# vehicle are at most UNIFORM_M away from a uniform motion.
 SLOWEST_M_S = 2.5
 WINDOW_S = 1.2
 UNIFORM_M = 1.0
 LEAST_SHARE = 0.05  # minimum share of boxes of vehicles among the boxes near a position
-NEAR_M = 2.0  # standard deviation of the distances that are near
+NEAR_M = 2.0  # standard deviation of the Gaussian that weights boxes near a position
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Proposal(Presented):
     """A proposed outline, and how well it fits the recording."""
 
-    drawn: Drawn  # the area, levelled LiDAR frame, metres
+    drawn: Drawn  # proposed area in the levelled LiDAR frame, metres
     area_m2: float
     seconds: float  # duration of the recording
-    vehicles: int  # number of vehicle tracks; a vehicle may have several
-    inside_share: float  # share of the vehicles' boxes whose centre is inside
-    moving_share: float  # share of the moving points inside; leaves beside the road move too
+    vehicles: int  # number of vehicle tracks; a vehicle may have several tracks
+    inside_share: float  # share of the vehicles' boxes whose centre is inside the area
+    moving_share: float  # share of moving points inside the area; leaves beside the road also move
 
     @property
     def corners(self) -> FloatArray:
@@ -136,7 +136,7 @@ def propose_outline(
     seconds = (numbers[-1] - numbers[0]) * period_s if len(numbers) > 0 else 0.0
     if seconds < LEAST_S:
         raise Error(f"expected a recording of {LEAST_S:g} s or more, got {seconds:g} s")
-    gap = round(float(np.median(np.diff(numbers))))  # frames may be every second one, for example
+    gap = round(float(np.median(np.diff(numbers))))  # for example 2 if every second frame exists
     if gap * period_s > MOST_SPACING_S:
         raise Error(
             f"expected {MOST_SPACING_S:g} s or less between frames, got {gap * period_s:g} s"

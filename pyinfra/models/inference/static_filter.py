@@ -19,7 +19,7 @@ from pyinfra.models.training.train import BACKGROUND_FRAMES
 LEAST_S = 60.0  # minimum duration of the frames for a reliable result
 SAME_POSITION_M = 0.7  # boxes whose centres are at most this far apart have the same position
 COMES_BACK = 3  # boxes recur at a position if at least this many boxes are at the position
-MOVING_SHARE = 0.2  # a box moves if a larger share of its points moves; leaves stay below it
+MOVING_SHARE = 0.2  # a box moves if a larger share of its points moves; leaves have a lower share
 LEAST_SCORE = 0.1  # boxes with a lower score are neither used nor removed
 
 

@@ -4,7 +4,7 @@ import os
 
 from pyinfra.core.errors import Error
 
-MOST_THREADS = 4  # largest default, because a frame is too small for many threads
+MOST_THREADS = 4  # maximum default number of threads, because a frame is too small for more
 
 
 def checked_threads(threads: int | None) -> int:

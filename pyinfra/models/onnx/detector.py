@@ -119,7 +119,7 @@ def session_of(model: bytes, threads: int) -> Any:
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = threads
-    options.log_severity_level = 3  # logs errors only
+    options.log_severity_level = 3  # only errors are logged
     # Waiting threads sleep, so that other programs can use the cores.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     return onnxruntime.InferenceSession(model, options, ["CPUExecutionProvider"])

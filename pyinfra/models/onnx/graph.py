@@ -16,7 +16,7 @@ from pyinfra.models.onnx.tiles import Tile
 
 Weights = Mapping[str, Float32Array]
 EPSILON = np.float32(1e-3)  # added to the variance in all batch norms
-MOST = 1 << 30  # more channels than any layer has
+MOST = 1 << 30  # end of a slice that contains all channels of any layer
 
 
 def model_of(config: Config, weights: Weights, tile: Tile) -> Model:

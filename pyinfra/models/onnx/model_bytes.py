@@ -13,9 +13,9 @@ import numpy as np
 from pyinfra.core.arrays import Float32Array, IntArray
 
 OPSET, IR_VERSION = 18, 8
-NUMBER, BYTES = 0, 2  # kinds of fields
-FLOAT, INT64 = 1, 7  # types of the elements of a tensor
-INTEGER, STRING, INTEGERS = 2, 3, 7  # types of an attribute
+NUMBER, BYTES = 0, 2  # types of protobuf fields
+FLOAT, INT64 = 1, 7  # element types of ONNX tensors
+INTEGER, STRING, INTEGERS = 2, 3, 7  # types of ONNX attributes
 Attribute = int | str | tuple[int, ...]
 Dimension = int | str  # a size, or the name of a size that is known when the model runs
 

@@ -39,7 +39,8 @@ class Peaks:
 
         logits: (H, W). maps: (8 or 9, H, W).
         """
-        # The logits of the cells that are left out are lower than the logit of `min_score`.
+        # Cells whose logit is lower than that of `min_score` are left out. The margin of 1e-3
+        # allows for rounding.
         high = np.flatnonzero(logits >= math.log(min_score / (1 - min_score)) - 1e-3)
         row, column = high // logits.shape[1], high % logits.shape[1]
         peak = is_peak(logits, row, column)

@@ -14,9 +14,9 @@ import numpy as np
 from pyinfra.core.arrays import BoolArray, IntArray
 from pyinfra.models.detectors.bev_config import BevConfig
 
-Part = tuple[slice, slice]  # rows and columns
+Part = tuple[slice, slice]  # ranges of rows and of columns
 Band = tuple[int, int, int, int]  # first row, end of rows, first column, end of columns
-HEAD_LAYERS = 2  # 3 x 3 convolutions after the blocks
+HEAD_LAYERS = 2  # number of 3 x 3 convolutions after the blocks
 PER_TILE = 1000.0  # number of cells whose computing time equals the constant time of a tile
 
 

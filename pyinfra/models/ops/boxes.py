@@ -12,10 +12,11 @@ from pyinfra.models.ops.constants import constant
 from pyinfra.models.ops.kernels import kernels, on_cpu
 from pyinfra.models.ops.points import chunk_of
 
-# An overlap counts as 0 if it is below this many rounding errors of the larger box's squared size.
+# An overlap counts as 0 if it is below this number of rounding errors of the squared size of the
+# larger box.
 _ROUNDING = 4
-_PAIRS = 1 << 22  # pairs whose overlaps are computed together
-_ROUNDS = 8  # rounds of a suppression between two tests whether it has ended
+_PAIRS = 1 << 22  # number of pairs whose overlaps are computed together
+_ROUNDS = 8  # number of rounds of a suppression between two tests of whether it has ended
 
 # Corners of the unit box, counter-clockwise from front right.
 _AHEAD = (0.5, 0.5, -0.5, -0.5)
@@ -50,7 +51,7 @@ def bev_iou_pairs(a: Tensor, b: Tensor) -> Tensor:
 def iou_3d_pairs(a: Tensor, b: Tensor) -> Tensor:
     """Returns the IoU of the volumes, row by row: (n, 7) and (n, 7) to (n,) in [0, 1]."""
     a, b = _at_least_float32(a), _at_least_float32(b)
-    between = b[:, 2] - a[:, 2]  # relative to a's centre, to avoid rounding errors
+    between = b[:, 2] - a[:, 2]  # height relative to a's centre, to avoid rounding errors
     top = torch.minimum(a[:, 5] / 2, between + b[:, 5] / 2)
     bottom = torch.maximum(-a[:, 5] / 2, between - b[:, 5] / 2)
     shared = bev_overlap_pairs(a, b) * (top - bottom).clamp(min=0)
@@ -65,7 +66,7 @@ def bev_overlap_pairs(a: Tensor, b: Tensor) -> Tensor:
     to a's width).
     """
     length, width = a[:, 3, None] / 2, a[:, 4, None] / 2
-    x, y = _corners_seen_from(a, b)  # (n, 4) each
+    x, y = _corners_seen_from(a, b)  # corners of b, (n, 4) each
     x_step, y_step = x.roll(-1, 1) - x, y.roll(-1, 1) - y
     from_y = y.clamp(-width, width)
     to_y = from_y.roll(-1, 1)

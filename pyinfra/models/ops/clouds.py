@@ -69,7 +69,7 @@ def farthest_of_clouds(xyz: Tensor, counts: Counts, most: int) -> tuple[Tensor, 
         rows = triton_kernels.farthest(xyz, number, most)
     else:
         rows = _farthest_of_all(xyz, number, most)
-    if not isinstance(counts, Tensor):  # a selection by known numbers does not make the CPU wait
+    if not isinstance(counts, Tensor):  # with known counts, the CPU does not wait for a GPU
         parts = [of_cloud[:count] for of_cloud, count in zip(rows, counts, strict=True)]
         return torch.cat([rows.new_zeros(0), *parts]), most_of(counts, most)
     exists = torch.arange(most, device=xyz.device) < number[:, None]
@@ -158,7 +158,7 @@ class _Places:
 def _places(xyz: Tensor, counts: Tensor) -> _Places:
     row = torch.arange(len(xyz), device=xyz.device)
     start = counts.cumsum(0) - counts
-    # The length of the longest cloud is known from the shape of a selection.
+    # The number of selected rows is the length of the longest cloud.
     longest = len((row < counts.amax()).nonzero()) if len(counts) else 0
     cloud = cloud_of_rows(counts, xyz)
     return _Places(start, cloud * longest + row - start[cloud], (len(counts), longest))
@@ -175,7 +175,7 @@ def _farthest_of_all(xyz: Tensor, counts: Tensor, most: int) -> Tensor:
     rows = torch.arange(most, device=xyz.device).expand(len(counts), most)
     if not all(places.shape) or most == 0:
         return rows + places.start[:, None]
-    array = places.padded(xyz, 0.0)  # (clouds, longest, 3)
+    array = places.padded(xyz, 0.0)  # points (clouds, longest, 3)
     exists = torch.arange(array.shape[1], device=xyz.device) < counts[:, None]
     apart = torch.where(exists, torch.inf, -1.0)
     chosen = torch.zeros_like(rows)
@@ -214,13 +214,13 @@ def _neighbours_of_all(
     pairs, done = [torch.zeros(0, 3, dtype=torch.int64, device=xyz.device)], 0
     for part in torch.split(middles, chunk, dim=1):
         # Differences of two missing points are NaN, which is not below the limit.
-        found = first_of_each(_apart(part, points) < limit, most)  # cloud, centre, point
+        found = first_of_each(_apart(part, points) < limit, most)  # rows: cloud, centre, point
         found[:, 1] += done
         pairs.append(found)
         done += part.shape[1]
     cloud, centre, point = torch.cat(pairs).unbind(1)
     row, owner = point + places.start[cloud], centre + others.start[cloud]
-    order = torch.argsort(owner, stable=True)  # if the centres were divided into several parts
+    order = torch.argsort(owner, stable=True)  # needed if the centres are in several parts
     return row[order], owner[order]
 
 

@@ -11,8 +11,8 @@ from torch import Tensor
 
 from pyinfra.models.ops.kernels import kernels, on_cpu
 
-# Number of distances that are computed at once. It is larger on a GPU, which is idle with small
-# steps.
+# Number of distances that are computed at once. The number is larger on a GPU, because small steps
+# do not keep a GPU busy.
 _CHUNK, _CHUNK_ON_GPU = 1 << 22, 1 << 27
 
 
@@ -34,12 +34,12 @@ def farthest_points(xyz: Tensor, k: int) -> Tensor:
         raise ValueError("xyz: expected points, got none")
     if kernels is not None and on_cpu(xyz):
         return torch.from_numpy(kernels.farthest_points(xyz.contiguous().numpy(), k))
-    columns = xyz.t().contiguous()  # (3, n)
+    columns = xyz.t().contiguous()  # coordinates (3, n)
     chosen = torch.zeros(k, dtype=torch.int64, device=xyz.device)
     apart = torch.full_like(columns[0], torch.inf)
     for count in range(1, k):
         # The index is a slice, because reading a single number would make the CPU wait for the GPU.
-        last = columns.index_select(1, chosen[count - 1 : count])  # (3, 1)
+        last = columns.index_select(1, chosen[count - 1 : count])  # last chosen point (3, 1)
         torch.minimum(apart, squared(*(columns - last)), out=apart)
         chosen[count] = apart.argmax()
     return chosen
@@ -67,7 +67,7 @@ def ball_query(points: Tensor, centres: Tensor, radius: float, k: int) -> tuple[
     row = torch.arange(n, device=points.device)
     parts = [row.new_zeros(0, k)]
     for part in _parts(centres, n):
-        near = torch.where(_squared_distances(part, points) < limit, row, n)  # (some, n)
+        near = torch.where(_squared_distances(part, points) < limit, row, n)  # row if near, else n
         first = near.topk(min(k, n), largest=False).values.sort().values
         parts.append(torch.nn.functional.pad(first, (0, k - min(k, n)), value=n))
     indices = torch.cat(parts)
@@ -115,7 +115,7 @@ def points_in_boxes(points: Tensor, boxes: Tensor) -> Tensor:
     cos, sin = boxes[:, 6].cos(), boxes[:, 6].sin()
     done = 0
     for part in _parts(points[:, :3], len(boxes)):
-        dx, dy, dz = (part[:, None] - boxes[:, :3]).unbind(2)  # (rows, m) each
+        dx, dy, dz = (part[:, None] - boxes[:, :3]).unbind(2)  # offsets (rows, m)
         ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
         inside = (ahead.abs() <= boxes[:, 3] / 2) & (left.abs() <= boxes[:, 4] / 2)
         result[done : done + len(part)] = inside & (dz.abs() <= boxes[:, 5] / 2)
@@ -160,8 +160,8 @@ def _squared_distances(a: Tensor, b: Tensor) -> Tensor:
 
 def squared(dx: Tensor, dy: Tensor, dz: Tensor) -> Tensor:
     """Returns the squared lengths of offsets along x, y and z."""
-    # The order of operations is the same as in the compiled kernels, so that both select the same
-    # points.
+    # The order of operations is the same as in the compiled kernels, so that PyTorch and the
+    # kernels select the same points.
     return dx * dx + dy * dy + dz * dz
 
 

@@ -12,7 +12,7 @@ from torch import Tensor
 from pyinfra.models.ops.constants import constant
 from pyinfra.models.ops.kernels import kernels, on_cpu
 
-Triple = tuple[int, int, int]  # along z, y, x
+Triple = tuple[int, int, int]  # numbers along z, y, x
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,8 +22,8 @@ class Rulebook:
     Within one offset a row occurs at most once as input and at most once as output.
     """
 
-    inputs: Tensor  # (p,) int64, grouped by offset
-    outputs: Tensor  # (p,) int64
+    inputs: Tensor  # (p,) int64 input row of each pair, grouped by offset
+    outputs: Tensor  # (p,) int64 output row of each pair
     counts: list[int]  # number of pairs of each offset; offsets are ordered with z slowest
     centre: int | None  # offset that pairs each row with itself; its pairs are not listed
     source: Tensor  # (n, 4) int64, coordinates of the input
@@ -49,7 +49,7 @@ class Table:
     """The input row of each output row and offset of the kernel, for Triton (triton_layers.py)."""
 
     inputs: Tensor  # (offsets, m) int32 rows of the input, -1 for none; offsets as in Rulebook
-    # (offsets, n) int32 rows of the output; None: `inputs` with the offsets in reverse order
+    # (offsets, n) int32 rows of the output; None for `inputs` in reverse order of offsets
     outputs: Tensor | None
     source: Tensor  # (n, 4) int64, coordinates of the input
     target: Tensor  # (m, 4) int64, coordinates of the output
@@ -111,7 +111,7 @@ def submanifold_table(coordinates: Tensor, shape: Triple, kernel: Triple) -> Tab
     ascending, order = keys.sort()
     at_z, at_y, at_x = (torch.arange(n, device=keys.device) - n // 2 for n in kernel)
     steps = (at_z[:, None, None] * sizes[1] + at_y[:, None]) * sizes[2] + at_x
-    wanted = keys + steps.flatten()[:, None]  # (offsets, n)
+    wanted = keys + steps.flatten()[:, None]  # keys of the neighbours (offsets, n)
     at = torch.searchsorted(ascending, wanted).clamp(max=max(0, len(keys) - 1))
     inputs = torch.where(ascending[at] == wanted, order[at], -1).int()
     return Table(inputs, None, coordinates, coordinates, shape, shape)
@@ -126,7 +126,8 @@ def strided_table(
     for axis, size in enumerate(target_shape):
         moved = coordinates[:, 1 + axis] + padding[axis]
         offset = torch.arange(kernel[axis], device=moved.device)[:, None]
-        at = (moved - offset).div(stride[axis], rounding_mode="floor")  # (offsets of the axis, n)
+        # outputs (offsets of the axis, n)
+        at = (moved - offset).div(stride[axis], rounding_mode="floor")
         met = (at * stride[axis] == moved - offset) & (at >= 0) & (at < size)
         keys = (keys.view(-1, 1, len(moved)) * size + at).flatten(0, 1)
         exists = (exists.view(-1, 1, len(moved)) & met).flatten(0, 1)

@@ -10,7 +10,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-MOST_WINDOWS = 1 << 16  # more windows than any canvas has along a side
+MOST_WINDOWS = 1 << 16  # a number larger than the windows along a side of any canvas
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +18,7 @@ class VoxelWindows:
     """The positions of n voxels in square windows of `side` cells."""
 
     window: Tensor  # (n,) int64, number of the window; no two frames share a number
-    row: Tensor  # (n,) int64, row in the window
+    row: Tensor  # (n,) int64, row of each voxel in its window
     column: Tensor
     side: int
 
@@ -42,7 +42,7 @@ class Sets:
     @cached_property
     def slot(self) -> Tensor:
         """(n,) int64: the first of the s * size slots that has each voxel."""
-        once = (~self.repeats).flatten().nonzero()[:, 0]  # (n,)
+        once = (~self.repeats).flatten().nonzero()[:, 0]  # slots (n,)
         return torch.empty_like(once).index_put((self.voxel.flatten()[once],), once)
 
 
@@ -50,7 +50,7 @@ def windows_of(frame: Tensor, row: Tensor, column: Tensor, side: int, shift: int
     """Returns the windows of voxels (n,). The grid starts `shift` cells inside a window."""
     row, column = row + shift, column + shift
     down, across = row // side, column // side
-    # The largest row and column are not needed, so that no value is read from a GPU.
+    # MOST_WINDOWS replaces the largest row and column, which would have to be read from a GPU.
     window = (frame * MOST_WINDOWS + down) * MOST_WINDOWS + across
     return VoxelWindows(window, row % side, column % side, side)
 
@@ -66,10 +66,10 @@ def partition(windows: VoxelWindows, position: Tensor, size: int) -> Sets:
     first = count.cumsum(0) - count
     sets = (count + size - 1) // size
     number = torch.arange(len(count), device=order.device)
-    set_window = torch.repeat_interleave(number, sets)  # (s,) window
+    set_window = torch.repeat_interleave(number, sets)  # window of each set (s,)
     nth = torch.arange(len(set_window), device=order.device) - (sets.cumsum(0) - sets)[set_window]
     slots = nth[:, None] * size + torch.arange(size, device=order.device)
-    chosen = slots * count[set_window, None] // (sets[set_window, None] * size)  # (s, size)
+    chosen = slots * count[set_window, None] // (sets[set_window, None] * size)  # voxels (s, size)
     voxel = order[first[set_window, None] + chosen]
     repeats = torch.zeros_like(voxel, dtype=torch.bool)
     repeats[:, 1:] = chosen[:, 1:] == chosen[:, :-1]

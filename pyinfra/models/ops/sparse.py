@@ -33,9 +33,9 @@ from pyinfra.models.ops.triton_layers import usable
 class SparseTensor:
     """Features of the occupied voxels in a batch of grids. The features of other voxels are 0."""
 
-    features: Tensor  # (n, c)
+    features: Tensor  # (n, c) features of the occupied voxels
     coordinates: Tensor  # (n, 4) int64: batch, z, y, x; no two rows are equal
-    shape: Triple  # voxels along z, y, x
+    shape: Triple  # number of voxels along z, y, x
     batch_size: int
     # rulebooks and tables of all levels, by key
     rulebooks: dict[str, Rulebook | Table] = field(default_factory=dict)
@@ -50,7 +50,7 @@ class SparseTensor:
         channels = self.features.shape[1]
         dense = self.features.new_zeros(self.batch_size, depth, height, width, channels)
         dense = dense.index_put(tuple(self.coordinates.unbind(1)), self.features)
-        dense = dense.permute(0, 4, 1, 2, 3)  # (B, C, D, H, W)
+        dense = dense.permute(0, 4, 1, 2, 3)  # shape (B, C, D, H, W)
         return dense.reshape(self.batch_size, channels * depth, height, width)
 
 
@@ -65,7 +65,7 @@ class _Layer(nn.Module):
     ) -> None:
         super().__init__()
         self.key, self.kernel = key, triple(kernel)
-        # Initialised as PyTorch initialises a dense convolution.
+        # The weights are initialised as in a dense convolution of PyTorch.
         bound = 1 / math.sqrt(channels_in * math.prod(self.kernel))
         weight = torch.empty(math.prod(self.kernel), channels_in, channels_out)
         self.weight = nn.Parameter(weight.uniform_(-bound, bound))
@@ -145,8 +145,8 @@ def convolve(
 
 
 class _Convolution(torch.autograd.Function):
-    # There is one product for each offset. Rows are unique within an offset. Therefore sums have a
-    # fixed order, and no two threads write to the same row.
+    # There is one matrix product for each offset of the kernel. Rows are unique within an offset.
+    # Therefore sums have a fixed order, and no two threads write to the same row.
     @staticmethod
     def forward(ctx: Any, features: Tensor, weight: Tensor, rulebook: Rulebook) -> Tensor:
         ctx.save_for_backward(features, weight)

@@ -13,7 +13,7 @@ from torch import Tensor
 try:
     import triton
     import triton.language as tl
-except ImportError:  # PyTorch's CPU build, and systems without Triton
+except ImportError:  # PyTorch for CPUs and some systems have no Triton
     triton = None
 
 
@@ -23,7 +23,7 @@ def usable(tensor: Tensor) -> bool:
 
 
 enabled = triton is not None  # if False, the PyTorch functions are used
-# Products and sums are rounded one by one, as in PyTorch, so that both choose the same points.
+# Products and sums are rounded one by one, so that the kernels and PyTorch choose the same points.
 ROUNDING = {"enable_fp_fusion": False}
 INTERPRETED = os.environ.get("TRITON_INTERPRET") == "1"  # Triton's own variable, for tests on a CPU
 
@@ -33,7 +33,7 @@ if triton is not None:
     def _farthest(  # type: ignore[no-untyped-def]  # pragma: no cover
         x, y, z, starts, counts, aparts, chosen, most, LANES: tl.constexpr
     ):
-        # One program per cloud. `aparts` has each point's distance to the chosen points.
+        # One program handles one cloud. `aparts` has each point's distance to the chosen points.
         cloud = tl.program_id(0)
         start = tl.load(starts + cloud)
         count = tl.load(counts + cloud).to(tl.int32)
@@ -78,13 +78,13 @@ if triton is not None:
         MIDDLES: tl.constexpr,
         LANES: tl.constexpr,
     ):
-        # One program for MIDDLES centres. It stops when all of them have `most` points.
+        # One program handles MIDDLES centres, and stops when all of them have `most` points.
         middle = tl.program_id(0) * MIDDLES + tl.arange(0, MIDDLES)
         exists = middle < number
         at_x = tl.load(centres + middle * 3, mask=exists, other=0.0)[:, None]
         at_y = tl.load(centres + middle * 3 + 1, mask=exists, other=0.0)[:, None]
         at_z = tl.load(centres + middle * 3 + 2, mask=exists, other=0.0)[:, None]
-        # A missing centre has no points, and does not keep the others from stopping.
+        # A missing centre counts as complete, so that the program can stop.
         begin = tl.load(begins + middle, mask=exists, other=9223372036854775807)
         end = tl.load(ends + middle, mask=exists, other=0)
         held = tl.where(exists, 0, most)

@@ -15,13 +15,13 @@ from pyinfra.models.ops import triton_kernels
 try:
     import triton
     import triton.language as tl
-except ImportError:  # as in triton_kernels.py
+except ImportError:  # no Triton, as in triton_kernels.py
     triton = None
 
 enabled = True  # if False, the PyTorch functions are used
-ROWS = 64  # rows of one program
-SPLITS = 32  # programs that share the sum over rows of a gradient of weights
-LARGEST_SET, LARGEST_HEAD = 64, 64  # limits of the attention, whose programs hold whole sets
+ROWS = 64  # number of rows that one program computes
+SPLITS = 32  # number of programs that share the sum over rows of a gradient of weights
+LARGEST_SET, LARGEST_HEAD = 64, 64  # maximum set size and head width of the attention kernels
 
 if triton is not None:
 
@@ -40,7 +40,8 @@ if triton is not None:
         ROWS: tl.constexpr,
         PRECISION: tl.constexpr,
     ):
-        # One program per ROWS outputs. An offset that no output of the program uses is skipped.
+        # One program computes ROWS outputs. An offset that no output of the program uses is
+        # skipped.
         row = tl.program_id(0) * ROWS + tl.arange(0, ROWS)
         exists = row < number
         c_in = tl.arange(0, PADDED_IN)
@@ -76,7 +77,7 @@ if triton is not None:
         SPLITS: tl.constexpr,
         PRECISION: tl.constexpr,
     ):
-        # One program per offset and per share of the rows.
+        # One program computes the part of the gradient from one offset and one share of the rows.
         k = tl.program_id(0)
         split = tl.program_id(1)
         c_in = tl.arange(0, PADDED_IN)
@@ -109,7 +110,7 @@ if triton is not None:
         PADDED_HEAD: tl.constexpr,
         PRECISION: tl.constexpr,
     ):
-        # One program per set and head.
+        # One program computes one head of one set.
         slot = tl.arange(0, PADDED_SIZE)
         c = tl.arange(0, PADDED_HEAD)
         first = tl.program_id(0).to(tl.int64) * SIZE
@@ -144,7 +145,7 @@ if triton is not None:
         PADDED_HEAD: tl.constexpr,
         PRECISION: tl.constexpr,
     ):
-        # The weights are computed again, which is faster than to read them.
+        # The attention weights are computed again, which is faster than reading them.
         slot = tl.arange(0, PADDED_SIZE)
         c = tl.arange(0, PADDED_HEAD)
         first = tl.program_id(0).to(tl.int64) * SIZE
@@ -183,7 +184,7 @@ if triton is not None:
         PADDED: tl.constexpr,
         GROUPS: tl.constexpr,
     ):
-        # One program per GROUPS groups of adjacent rows.
+        # One program computes the maxima of GROUPS groups of adjacent rows.
         group = tl.program_id(0) * GROUPS + tl.arange(0, GROUPS)
         c = tl.arange(0, PADDED)
         start = tl.load(starts + group, mask=group < number, other=0)
@@ -317,7 +318,7 @@ class _MostOfGroups(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:
         rows, gradient = ctx.saved_tensors[0], gradients[0]
-        # The last row receives the gradients of zeros that no row has.
+        # The added last row receives the gradients of zeros that belong to no row of x.
         result = gradient.new_zeros(ctx.number + 1, gradient.shape[1])
         result.scatter_(0, torch.where(rows < 0, ctx.number, rows), gradient)
         return result[: ctx.number], None, None

@@ -15,8 +15,8 @@ from torch.utils.data import DataLoader, Dataset
 
 from pyinfra.models.detectors.batch import Batch
 
-AHEAD = 16  # batches made in advance; a stream makes the samples of about 12 batches at once
-FETCHED = 3  # tasks of each worker that are begun in advance
+AHEAD = 16  # number of batches made in advance; a stream makes about 12 batches at once
+FETCHED = 3  # number of tasks that each worker begins in advance
 
 Make = Callable[[int], Batch]  # makes the batch of a step
 

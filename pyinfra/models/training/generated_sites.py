@@ -33,7 +33,7 @@ from pyinfra.scenes.generator.ranges import RANGES
 # The area around a sensor that networks use, in metres. x and y include the regions and parking
 # lots. z extends from below the local road to above a truck.
 AREA = Area((-110.0, -110.0, -1.0), (110.0, 110.0, 4.5))
-# Parameter ranges of the sites of narrow visits, in which the sensor is aimed along a road.
+# Parameter ranges of sites for narrow LiDARs, which are aimed along a road.
 ALONG = replace(RANGES, mount=replace(RANGES.mount, aims={"along": 1.0}, off_aim_deg=(-8, 8)))
 RESAMPLED, TRIES = 1_000_000_000, 5
 
@@ -42,13 +42,13 @@ RESAMPLED, TRIES = 1_000_000_000, 5
 class StreamPlan:
     """The sites of a stream, and how many LiDARs and frames are simulated at each."""
 
-    seed: int = ruled(1, 0, 2**62)  # seed of LiDARs, frames and order
-    sites: int = ruled(1000, 1, RESAMPLED)  # number of sites
+    seed: int = ruled(1, 0, 2**62)  # seed of the choice and order of LiDARs and frames
+    sites: int = ruled(1000, 1, RESAMPLED)
     first_site: int = ruled(0, 0, RESAMPLED - 1)  # seed of the first site
-    lidars: int = ruled(4, 1, 100)  # number of LiDARs in a visit
-    frames: int = ruled(2, 1, 100)  # frames of each LiDAR in a visit
-    mixed: int = ruled(6, 1, 1000)  # visits of a group, whose samples are mixed in memory
-    label_time: LabelTime | None = None  # None: the label time of each site's scene
+    lidars: int = ruled(4, 1, 100)  # number of LiDARs in a visit, that is, one simulation of a site
+    frames: int = ruled(2, 1, 100)  # number of frames of each LiDAR in a visit
+    mixed: int = ruled(6, 1, 1000)  # number of visits whose samples are mixed in memory
+    label_time: LabelTime | None = None  # label time; None for that of each site's scene
     # Share of the visits that use only narrow LiDARs (`StreamFile.narrow`). Narrow LiDARs are aimed
     # along a road, where vehicles are. The other visits use no narrow LiDAR.
     narrow: float = ruled(0.0, 0, 1)
@@ -68,9 +68,9 @@ class SiteSamples:
 
     plan: StreamPlan
     sensors: lidar_catalogue.Sensors
-    classes: tuple[ObjectClass, ...] = VEHICLES  # classes of the boxes
+    classes: tuple[ObjectClass, ...] = VEHICLES
     make_keys: Callable[[int], Keys] = make_site
-    narrow: lidar_catalogue.Sensors | None = None  # LiDARs of the plan's narrow visits
+    narrow: lidar_catalogue.Sensors | None = None  # LiDARs with a narrow field of view
     _group: tuple[int, list[SiteSample]] = (-1, [])
 
     def __post_init__(self) -> None:
@@ -215,7 +215,7 @@ class StreamFile:
 
     plan: StreamPlan = field(default_factory=StreamPlan)
     without: tuple[str, ...] = ()  # LiDARs of the catalogue that are not used
-    narrow: tuple[str, ...] = ()  # LiDARs of `plan.narrow`
+    narrow: tuple[str, ...] = ()  # narrow LiDARs, for the share `plan.narrow` of the visits
     presets: PresetShares = field(default_factory=PresetShares)
 
 

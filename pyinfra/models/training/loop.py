@@ -34,13 +34,13 @@ from pyinfra.models.training.resumption import optimizer_tensors, resume
 from pyinfra.models.training.samples import Frames, Samples, augmented
 from pyinfra.models.training.validation import Checks, is_due
 
-WARM_UP = 0.4  # share of the steps in which the rate rises
+WARM_UP = 0.4  # share of the steps in which the learning rate rises
 DIVIDED = 10.0  # ratio of the highest learning rate to the first
 LAST = 1e-4  # ratio of the last learning rate to the first
 MOMENTA = (0.95, 0.85)
 SAVES = 20  # number of checkpoints of a training run
-READS = 20  # steps on a GPU between two readings of the losses, each of which waits for the GPU
-MOST_WORKERS = 8  # processes that make batches for one GPU
+READS = 20  # number of steps between two readings of the losses, each of which waits for the GPU
+MOST_WORKERS = 8  # maximum number of processes that make batches for one GPU
 
 
 class TrainingDiverged(Error):
@@ -59,7 +59,7 @@ class Progress:
     loss: float
     parts: dict[str, float]
     seconds: float  # time since this process started or resumed the training
-    # CPU time since the previous step, including batches that a thread makes in advance
+    # CPU time in seconds since the previous step, including batches that a thread makes in advance
     cpu_seconds: float
 
 
@@ -67,7 +67,7 @@ class Progress:
 class Pace:
     """How a training uses its device. The weights are the same up to rounding."""
 
-    workers: int = 0  # processes that make batches; 0: a thread of this process
+    workers: int = 0  # number of processes that make batches; if 0, a thread makes them
     in_memory: bool = False  # whether all frames are read once, before the first step
     reads_every: int = 1  # steps after which losses are read from the device, checked and reported
     fused: bool = False  # whether the optimiser changes all weights in one kernel
@@ -124,8 +124,8 @@ def train(
             readings.add(step, *step_of(step, made.to(device)))
             done = step + 1
             described = dataclasses.replace(provenance, step=done)
-            # The check is made before last.safetensors is written. If the process ends after the
-            # check and before the writing, a resumed training repeats the check.
+            # The network is checked before last.safetensors is written. If the process ends between
+            # check and writing, a resumed training repeats the check.
             checked = checks is not None and is_due(done, learning.steps)
             saved = done % max(1, learning.steps // SAVES) == 0 or done == learning.steps
             if checked or saved or done == learning.steps:
@@ -177,7 +177,7 @@ def begin(
     distributed.share_norms(network)
     part = getattr(network, "bev", None)
     if pace.compiled and part is not None:
-        part.compile(dynamic=False)  # its shapes are the same in each step
+        part.compile(dynamic=False)  # tensor shapes are the same in each step
     optimizer = torch.optim.AdamW(
         network.parameters(), recipe.learning.rate, foreach=False, fused=pace.fused
     )
@@ -318,7 +318,7 @@ class Log:
     def __init__(self, file: Path, done: int) -> None:
         self.file = file
         rows = file.read_text().splitlines() if file.exists() else []
-        # A row can be incomplete, for example if the disk was full. Its step is not finished.
+        # An incomplete row, for example after a full disk, is removed. Its step is not finished.
         whole = [row for row in rows if row.count(",") == rows[0].count(",")]
         kept = [row for row in whole[1:] if int(row.split(",")[0]) <= done]
         write(file, "".join(f"{row}\n" for row in [*whole[:1], *kept]))

@@ -41,15 +41,15 @@ class Provenance:
     # plane is used at sites whose ground is unknown.
     ground: tuple[float, float, float] | None = None
     anywhere: bool = False  # whether the network was trained at many sites, for use at other sites
-    accumulate: int = 1  # frames that are stacked into one cloud
+    accumulate: int = 1  # number of frames that are stacked into one cloud
     label_at: LabelAt = "newest"  # which of the stacked frames has the labels
-    start: str = ""  # digest of the weights that the training started from; empty: random weights
+    start: str = ""  # digest of the weights at the start of the training; empty for random weights
     # a, b of logit(score) -> a logit(score) + b, which makes a score the probability of a true
     # positive. If there are several classes, each class has a pair a, b.
     calibration: tuple[float, ...] | None = None
     figures: Any = None  # measured figures, by name
-    # frames_version of the training frames, several separated by blanks; empty if they were
-    # recorded. Versions before 0.5 did not write the key; it is then 3.
+    # frames_version of the training frames; empty if they were recorded. Several versions are
+    # separated by blanks. If the key is missing, as before version 0.5, the value is 3.
     frames_version: str = FIRST
     format: int = FORMAT
     convention: str = CONVENTION

@@ -41,15 +41,15 @@ def _model(_: Path, word: str) -> None:
 class Learning:
     """Settings of the training, which uses AdamW with a one-cycle learning rate."""
 
-    steps: int = ruled(1000, 0, 10_000_000)  # 0: `start` without further training
+    steps: int = ruled(1000, 0, 10_000_000)  # training steps; 0 uses `start` without training
     start: str = checked(
         _model, ""
     )  # network to start from: folder of a trained detector, file, or a pretrained detector's name
-    batch: int = ruled(4, 1, 1024)  # frames in a batch
+    batch: int = ruled(4, 1, 1024)  # number of frames in a batch
     rate: float = ruled(0.003, 1e-7, 1)  # highest learning rate
     weight_decay: float = ruled(0.01, 0, 1)  # weight decay of AdamW
     clip: float = ruled(10.0, 1e-6, 1e6)  # gradients with a larger norm are scaled to this norm
-    window_m2: float = ruled(0.0, 0, 1e9)  # area of a frame that a step uses; 0: the whole area
+    window_m2: float = ruled(0.0, 0, 1e9)  # area of a frame that a step uses; 0 for the whole area
     # share of the windows that are centred on an object of a random class of the frame; the other
     # windows are centred on a random object of any class
     rare_windows: float = ruled(0.0, 0, 1)
@@ -74,7 +74,7 @@ class Recipe:
     network: Any  # the Config of the detector
     learning: Learning
     augmentation: Augmentation
-    hook: Hook | None = None  # the user's further augmentation
+    hook: Hook | None = None  # the user's function for additional augmentation
     loss: Callable[..., Any] | None = None  # the user's function that changes the losses
 
     @property

@@ -65,7 +65,7 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
     theirs, wanted = as_plain(loaded.provenance), as_plain(ours)
     if loaded.provenance.detector == ours.detector:  # adds keys that earlier versions did not have
         theirs["network"] = as_plain(config_of(ours.detector, theirs["network"]))
-    if not ours.frames_version:  # recorded frames; earlier versions wrote no key
+    if not ours.frames_version:  # recorded frames, for which earlier versions wrote no key
         theirs["frames_version"] = ""
     different = [key for key in theirs if key not in PASSING and theirs[key] != wanted[key]]
     if different:
@@ -75,7 +75,7 @@ def read_begun(out: Path, ours: Description) -> Checkpoint | None:
         )
     described = out / "run.yaml"
     before, now = (_ways(d) for d in (read_config(described, Description), ours))
-    if not before["drawn"]:  # written by a version without a digest
+    if not before["drawn"]:  # the file is from a version that wrote no digest
         del before["drawn"]
     for key, value in before.items():
         if value != now[key]:

@@ -17,7 +17,7 @@ from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors.sample import Sample
 from pyinfra.models.training import sensor_faults
 
-MOST_STD = 3.3  # errors of the pose are clipped to this many standard deviations
+MOST_STD = 3.3  # errors of the sensor's pose are clipped to this many standard deviations
 SHADOW_DEG = 0.3  # angular resolution at which pasted objects hide points behind them
 
 
@@ -28,7 +28,8 @@ class Augmentation:
     flip: bool = False  # whether half of the frames are mirrored left to right
     rotation_deg: float = ruled(0.0, 0, 180)  # largest rotation in both directions
     scale: float = ruled(0.0, 0, 0.5)  # largest relative change of scale, up and down
-    pasted: int = ruled(0, 0, 100)  # most objects pasted from another frame, at the same positions
+    # maximum number of objects that are pasted from another frame, at the same positions
+    pasted: int = ruled(0, 0, 100)
     least_points: int = ruled(5, 0, 1000)  # minimum number of points on a pasted object
     shadows: bool = False  # whether pasted objects hide the points behind them
     drop_out: float = ruled(0.0, 0, 0.99)  # largest share of points that is removed
@@ -36,14 +37,14 @@ class Augmentation:
     range_noise_m: float = ruled(0.0, 0, 10)  # largest standard deviation of range noise
     # Errors of the sensor's pose have a normal distribution, clipped at 3.3 standard deviations.
     height_std_m: float = ruled(0.0, 0, 10)  # standard deviation of the height above the road
-    level_std_deg: float = ruled(0.0, 0, 10)  # standard deviation of each horizontal axis's tilt
+    level_std_deg: float = ruled(0.0, 0, 10)  # standard deviation of the tilt about x and about y
 
 
 @dataclass(frozen=True, eq=False)
 class SiteSample(Sample):
     """A sample with the region of its site; z of points and boxes is measured from the road."""
 
-    region: Region = field(kw_only=True)  # where vehicles can be
+    region: Region = field(kw_only=True)  # region in which vehicles can be
 
 
 class Samples(Protocol):
@@ -75,9 +76,9 @@ class Frames:
 
     clouds: tuple[Callable[[], Points], ...]
     boxes: tuple[FloatArray, ...]  # (k, 7) boxes of each frame's objects with a point
-    starts: tuple[int, ...] = (0,)  # first frame of each LiDAR
-    classes: tuple[IntArray, ...] = ()  # (k,) class numbers of each frame's boxes; empty: all 0
-    heights_m: tuple[float, ...] = ()  # height of each frame's sensor above z = 0; empty: all 0
+    starts: tuple[int, ...] = (0,)  # index of the first frame of each LiDAR
+    classes: tuple[IntArray, ...] = ()  # (k,) class numbers of each frame's boxes; () if all are 0
+    heights_m: tuple[float, ...] = ()  # height of each frame's sensor above z = 0; () if all are 0
     # points of each box of each frame, if the frames were read before (kept_frames.py)
     objects: tuple[tuple[Points, ...], ...] = ()
     together: int = 1

@@ -12,8 +12,8 @@ from pyinfra.core.arrays import FloatArray, Points
 
 Rng = np.random.Generator
 
-ROW_DEG = 40 / 127  # spacing of 128 even channels over 40 degrees
-ROWS = 1024  # more rows of ROW_DEG than fit into 180 degrees
+ROW_DEG = 40 / 127  # height of a row in degrees, as for 128 even channels over 40 degrees
+ROWS = 1024  # number of rows, more than fit into 180 degrees
 
 
 def drop_out(points: Points, share: float, rng: Rng) -> Points:

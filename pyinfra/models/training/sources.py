@@ -53,14 +53,14 @@ class Source:
     clouds: tuple[Callable[[], Points], ...]
     # (k, 7) boxes of each frame's objects that have a point and belong to `classes`
     read_boxes: Callable[[], tuple[FloatArray, ...]]
-    read_warning: Callable[[], str | None] = lambda: None  # warns of other object names
+    read_warning: Callable[[], str | None] = lambda: None  # warning about other object names
     region: regions.Region | None = None  # where vehicles can be, if known
-    ground: Ground | None = None  # height of the road; None: computed from the vehicles
+    ground: Ground | None = None  # height of the road; None if it is computed from the vehicles
     accumulation: Accumulation = ONE_FRAME  # clouds are (n, 4) for one frame, (n, 5) if stacked
     classes: tuple[ObjectClass, ...] = VEHICLES  # classes of the boxes
     # (k,) class numbers of the boxes in each frame; if empty, all boxes are of the first class
     read_classes: Callable[[], tuple[IntArray, ...]] = tuple
-    frames_version: str = ""  # of the frames; empty if they were recorded
+    frames_version: str = ""  # version of the frames; empty if they were recorded
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +77,11 @@ class Stream:
     ground: Ground | None = None  # ground that is the same for all samples, if any
     anywhere: bool = False  # whether there are many sites, so that the network suits other sites
     accumulation: Accumulation = ONE_FRAME
-    classes: tuple[ObjectClass, ...] = VEHICLES  # classes of the samples' boxes
-    # How samples are chosen, or a digest of their labels; the same when a training resumes.
+    classes: tuple[ObjectClass, ...] = VEHICLES
+    # How samples are chosen, or a digest of their labels. It must be the same when a training
+    # resumes.
     drawn: str = ""
-    frames_version: str = ""  # of the frames; empty if they were recorded
+    frames_version: str = ""  # version of the frames; empty if they were recorded
 
 
 def read_source(
