@@ -18,7 +18,7 @@ from pyinfra.exchange.recording import Options, read_bin
 from pyinfra.exchange.units import brightest_of, usual_intensity_max
 from pyinfra.formats import pcd_file
 
-CHECKED = 5  # number of clouds of each kind whose intensities decide the scale
+CHECKED = 5  # number of clouds of each file type whose intensities decide the scale
 
 
 def cloud_reader(clouds: Sequence[Path]) -> tuple[Callable[[Path], Points], list[str]]:

@@ -19,7 +19,7 @@ from pyinfra.exchange.recording import records_of
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Objects
 
-NEW_IDS = 2**30  # if ids are tracks, objects without an id get ids from this number on
+NEW_IDS = 2**30  # first new id for objects without an id, if ids identify tracks
 # Keys of dataset.yaml that are part of the provenance.
 _KEYS = ("name", "preset", "aggregation", "label_time", "seed", "version")
 
