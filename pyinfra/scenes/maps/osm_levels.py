@@ -39,8 +39,8 @@ _ROUNDS = 8  # maximum number of iterations
 class Levels:
     """The heights of nodes, and the nodes added for ramps."""
 
-    heights: dict[str, float] = field(default_factory=dict)  # by node id; without heights of 0
-    places: dict[str, tuple[float, float]] = field(default_factory=dict)  # lon, lat by added id
+    heights: dict[str, float] = field(default_factory=dict)  # height by node id, unless it is 0
+    places: dict[str, tuple[float, float]] = field(default_factory=dict)  # lon, lat of added nodes
     ways: dict[str, list[str]] = field(default_factory=dict)  # node ids by id of a changed way
     crossings: int = 0  # number of crossings with enough clearance
     flat: list[str] = field(default_factory=list)  # texts about crossings with too little clearance
