@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pyinfra.exchange.imported import ImportedFrames
     from pyinfra.exchange.recording import Boxes
 
-TRACK_FILES = {".csv": "tracks.csv"} | track_files.FORMATS  # contents by file extension
+TRACK_FILES = {".csv": "tracks.csv"} | track_files.FORMATS  # names of formats by extension
 
 
 @public(radius_m=(10, 100_000), vehicles_per_hour=(0, math.inf), seed=(0, 2**31 - 1))

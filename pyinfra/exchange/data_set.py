@@ -198,7 +198,7 @@ def _write_frame(
 
 def has_return(points: Points) -> BoolArray:
     """Returns (n,) whether each point (n, 4) is a return, that is, finite and not 0 0 0."""
-    # The test of the sum is ten times as fast as np.isfinite(...).all(axis=1).
+    # Testing whether the sum is finite is ten times as fast as np.isfinite(...).all(axis=1).
     finite = np.isfinite(points[:, :3] @ np.ones(3, dtype=np.float32))
     x, y, z = points[:, 0], points[:, 1], points[:, 2]
     return np.asarray(finite & ((x != 0) | (y != 0) | (z != 0)))

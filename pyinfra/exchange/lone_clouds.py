@@ -84,6 +84,6 @@ def _is_pcd(cloud: Path) -> bool:
 def _brightest(read: Callable[[Path], Points], files: Sequence[Path]) -> float:
     """Returns the intensity that only a few points of some of the files exceed, or 0."""
     step = max(len(files) / CHECKED, 1)
-    chosen = [files[int(i * step)] for i in range(min(len(files), CHECKED))]  # evenly distributed
+    chosen = [files[int(i * step)] for i in range(min(len(files), CHECKED))]  # evenly spaced files
     clouds = [points[has_return(points)].astype(np.float64) for points in readable(read, chosen)]
     return brightest_of([cloud * [1, 1, 1, WIDE.intensity_max or 1] for cloud in clouds])

@@ -27,8 +27,8 @@ from pyinfra.formats.kitti.layout import FARTHEST_M
 
 COLUMNS = 5  # number of values per point: x y z intensity ring
 INTENSITY_MAX = 255.0
-# Assumed visible share of each level. For levels 2 to 4 it is the middle of the level's range. For
-# level 1 (0 to 40 %) it is so low that the object does not count as visible.
+# Assumed visible share of each level: for levels 2 to 4, the middle of the level's range. For level
+# 1 (0 to 40 %), the share is so low that the object does not count as visible.
 VISIBILITY = {"1": 0.1, "2": 0.5, "3": 0.7, "4": 0.9}
 OWN = "infrasim"  # name of an additional table in exports of this package (nuscenes.py)
 STILL_M = 0.5  # largest distance between the positions of a LiDAR that does not move

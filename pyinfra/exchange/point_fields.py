@@ -27,7 +27,7 @@ RINGS = (
     *("ring", "line", "channel", "laser_id", "laser", "ring_id", "beam", "beam_id", "laserid"),
     *("laser_channel", "scan_channel"),
 )
-# The reflectivity is calibrated by the maker; the intensity of the same points often is not.
+# Fields in order of preference. Makers calibrate the reflectivity, but often not the intensity.
 INTENSITIES = (
     *("reflectivity", "intensity", "i", "intensities", "reflectance", "remission"),
     *("signal", "signal_photons"),

@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from pyinfra.core.arrays import FloatArray, IntArray
 
-ZERO_M = 2.0  # distance of centres from which their similarity is 0
+ZERO_M = 2.0  # distance between two centres at which the similarity becomes 0
 ALPHAS = np.arange(1, 20) * 0.05
 _EPS = np.finfo(float).eps
 

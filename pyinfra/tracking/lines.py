@@ -23,9 +23,9 @@ from pyinfra.dataset.simulated_frames import SimulatedFrames
 from pyinfra.dataset.world_frame import to_levelled, to_world
 from pyinfra.formats.yaml_file import read_yaml
 
-BEYOND_M = 5.0  # distance of a junction's lines from the crossing carriageway
+BEYOND_M = 5.0  # distance of a junction's counting lines from the crossing carriageway
 BRIDGE_M = 4.5  # minimum height difference at which one road is a bridge over the other
-AHEAD_M = 30.0  # distance ahead of the sensor at which a road without junctions gets a line
+AHEAD_M = 30.0  # distance ahead of the sensor of the counting line of a road without junctions
 COMPASS = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
 FARTHEST_M = 1e4  # largest coordinate of a line
 

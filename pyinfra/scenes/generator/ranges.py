@@ -54,7 +54,7 @@ class SkyRanges:
     rain: float = 0.15
     rain_mm_per_h: Range = (0.5, 20)
     night: float = 0.3
-    sunlight_klux: Range = (2, 100)  # from an overcast sky to full sun
+    sunlight_klux: Range = (2, 100)  # illuminance, from an overcast sky to full sun
     scan_labels: float = 0.5  # share of sites with label time `scan`; the others have `frame`
 
 

@@ -21,10 +21,10 @@ class ThingRanges:
     rail_width_m: Range = (0.15, 0.35)
     rail_parts: float = 0.3  # share of rails that stand along only a part of the road
     rail_part_m: Range = (30, 150)  # length of the part that has a rail
-    part_within_m: Range = (-70, 70)  # centre of a partial row, from the station nearest the focus
+    part_within_m: Range = (-70, 70)  # centre of an object along part of the road, from the focus
     noise_wall_m: Range = (2.0, 4.5)
     noise_wall_away_m: Range = (1, 5)
-    gantry_away_m: Range = (6, 90)  # distance along the road from the station nearest to the focus
+    gantry_away_m: Range = (6, 90)  # distance of a gantry from the station nearest to the focus
     clearance_m: Range = (4.7, 7)  # free height below gantries
     hedge_height_m: Range = (0.7, 3.0)
     hedge_width_m: Range = (0.5, 2.5)
@@ -57,7 +57,7 @@ class ThingRanges:
     post_every_m: Range = (18, 45)
     post_height_m: Range = (2.5, 9)  # height of posts, from sign posts to lamp posts
     post_width_m: Range = (0.1, 0.35)
-    post_away_m: Range = (0.45, 1.2)  # distance from the edge of the carriageway or of parked cars
+    post_away_m: Range = (0.45, 1.2)  # distance of posts from the carriageway or from parked cars
     box_length_m: Range = (0.6, 6.5)
     box_width_m: Range = (0.5, 2.6)
     box_height_m: Range = (0.9, 2.8)
@@ -117,7 +117,7 @@ class FurnitureRanges:
     """Street furniture and standing groups. Sizes without a source are assumptions."""
 
     sites: float = 0.7  # share of sites with furniture
-    times: float = 1.0  # factor for the numbers of pieces of the road type
+    times: float = 1.0  # factor for the road type's numbers of pieces of furniture
     within_m: float = 80  # maximum distance of furniture from the station nearest to the focus
     plate_m: Range = (0.4, 1.5)  # sides of sign plates: 0.42 to 0.9 in StVO, larger at junctions
     plate_above_m: Range = (1.8, 3.0)  # height below sign plates; StVO: 2.0 to 2.25 over footways

@@ -16,7 +16,7 @@ LEAST_M = 10.0  # minimum length of compared lanes; lanes of junctions are often
 MOST_SHARE = 0.5  # minimum share of a lane that must agree with SUMO's network
 MOST_LISTED = 50
 AGAINST = "against the network of SUMO"
-CLEARANCE_M = 2.5  # minimum height above the terrain of a hanging body that may be over a lane
+CLEARANCE_M = 2.5  # height above the terrain from which a body may hang over a lane
 
 
 def lane_differences(lanes: Sequence[MapLane], network: Sequence[MapLane]) -> list[str]:

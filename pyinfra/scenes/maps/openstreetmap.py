@@ -86,7 +86,7 @@ class StreetMap:
     houses: list[tuple[str, list[str], dict[str, str]]] = field(default_factory=list)
     multipolygons: list[Multipolygon] = field(default_factory=list)
     outlines: dict[str, list[str]] = field(default_factory=dict)  # node ids of ways without traffic
-    trees: list[tuple[str, dict[str, str]]] = field(default_factory=list)  # node ids and tags
+    trees: list[tuple[str, dict[str, str]]] = field(default_factory=list)  # id and tags of trees
     ways: list[Way] = field(default_factory=list)
     # Ids and tags of nodes with street features, such as stops and signals.
     things: list[tuple[str, dict[str, str]]] = field(default_factory=list)

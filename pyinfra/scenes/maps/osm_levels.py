@@ -27,7 +27,7 @@ from pyinfra.scenes.maps.osm_lanes import swap_sides
 from pyinfra.scenes.maps.ramps import CLEARANCE_M, RAMP_M, ramp_shares
 from pyinfra.scenes.maps.surfaces import side_of
 
-LEAST_M = 4.5  # a crossing with a smaller height difference is reported
+LEAST_M = 4.5  # height difference below which a crossing is reported
 STEP_M = 15.0  # distance between the nodes of a ramp
 NO_ROADS = frozenset("proposed construction planned abandoned razed disused platform".split())
 APART_M = 3.0  # minimum distance between an added node and a crossing

@@ -17,7 +17,7 @@ from pyinfra.scenes.maps.tracks import HEADING, STEP_S, FrontPath, Track, wrap
 MAX_TURN_DEG = 5.0  # maximum change of heading per 0.1 s
 MAX_ACCELERATION_M_S2 = 8.0  # maximum acceleration of the box centre, over 0.3 s
 _OVER = 3  # number of steps of 0.1 s between the positions from which accelerations are computed
-_AVERAGE_S = (0.4, 0.6, 0.9, 1.3, 2.0)  # standard deviations of the averaging, in order of trial
+_AVERAGE_S = (0.4, 0.6, 0.9, 1.3, 2.0)  # standard deviations of the averaging, tried in this order
 _JUMP_M = 0.3  # deviation from the mean of the neighbouring steps that counts as a jump
 _SPREAD_S = 3.0  # duration of a lane change, over which a jump is spread
 # Overhang and wheelbase relative to the length, as for many cars and lorries.
