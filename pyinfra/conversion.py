@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pyinfra.exchange.imported import ImportedFrames
     from pyinfra.exchange.recording import Boxes
 
-TRACK_FILES = {".csv": "tracks.csv"} | track_files.FORMATS  # by ending
+TRACK_FILES = {".csv": "tracks.csv"} | track_files.FORMATS  # names of formats by extension
 
 
 @public(radius_m=(10, 100_000), vehicles_per_hour=(0, math.inf), seed=(0, 2**31 - 1))
@@ -187,7 +187,7 @@ def import_recording(
 
     folder = imports.output_folder(path_of(out, "out"))
     recording = imports.recording_folder(path_of(source, "source"))
-    if format is None:  # a missing source is an error in all formats
+    if format is None:  # every format raises an error if the source is missing
         format = guess_format(recording)[0] if recording.exists() else "pcd"
     check_name(format, IMPORTS, "format")
     facts = imports.facts_of(
@@ -217,7 +217,7 @@ def import_recording(
     for text in imports.warnings(summary, labelled, height_m):
         warnings.warn(f"{source}: {text}", FindingWarning, stacklevel=CALLER)
     if any(row.problems for row in summary.health):
-        from pyinfra.viz.health_plot import draw_health  # imports Matplotlib
+        from pyinfra.viz.health_plot import draw_health  # deferred, because it loads Matplotlib
 
         draw_health(summary.health, folder / HEALTH_PICTURE)
     numbers = tuple(frame_numbers(folder, "all"))

@@ -31,10 +31,10 @@ from pyinfra.formats.kitti import WorldPose
 SUFFIXES = (".bag", ".mcap", ".db3")
 METADATA = "metadata.yaml"
 BOXES = (ros.MARKERS, ros.DETECTIONS, ros.JSK_BOXES)
-ROOTS = ("world", "map", "site", "earth", "odom")  # frames in which the sensor stands still
-NEAR_S = 0.15  # boxes belong to the latest cloud that is at most this much older
+ROOTS = ("world", "map", "site", "earth", "odom")  # frames in which the sensor does not move
+NEAR_S = 0.15  # maximum age of a cloud when the boxes that belong to it arrive
 LEAST_TILT_RAD = 1e-4
-# Packets of drivers, which only the drivers can decode.
+# Message types with raw packets, which only the driver of the LiDAR can decode.
 PACKETS = ("VelodyneScan", "PandarScan", "UdpFrame", "PacketMsg", "RslidarScan", "RslidarPacket")
 
 
@@ -43,9 +43,9 @@ class Contents:
     """What one pass over a bag finds."""
 
     topics: dict[str, tuple[str, int]]  # type and number of messages of each topic
-    times_ns: list[int] = field(default_factory=list)  # time in the bag of each cloud
-    stamps_ns: list[int] = field(default_factory=list)  # stamp of each cloud
-    # Boxes of each message with its stamp, which is 0 if it is not set, and its time in the bag.
+    times_ns: list[int] = field(default_factory=list)  # time at which each cloud was recorded
+    stamps_ns: list[int] = field(default_factory=list)  # stamp in the header of each cloud
+    # Header stamp (0 if not set), recording time, and boxes of each message with boxes.
     boxes: list[tuple[int, int, list[ros.Entry]]] = field(default_factory=list)
     box_topic: str = ""
     frames: ros.Frames = field(default_factory=dict)
@@ -197,7 +197,7 @@ class Bag:
         seconds = [clock[order] / 1e9 for clock, order in zip(clocks, orders, strict=True)]
         for stamp, time, boxes in contents.boxes:
             has_stamp = stamp > 0
-            if not has_stamp and not boxes:  # such a message only deletes markers
+            if not has_stamp and not boxes:  # an unstamped message without boxes deletes markers
                 continue
             unstamped += not has_stamp
             now, earlier = (stamp if has_stamp else time) / 1e9, seconds[has_stamp]

@@ -27,7 +27,7 @@ from pyinfra.exchange.json_boxes import number
 
 MOST_BEAMS = 512
 MOST_BYTES = 20_000_000
-MAX_RANGE_M = 200.0  # placeholder in the LiDAR file, which the user replaces
+MAX_RANGE_M = 200.0  # placeholder for the maximum range, which the user replaces
 STEP_DEG = 0.2
 PRICE = '{low: 1, high: 1, source: "not known, replace it", date: "2000-01"}'
 
@@ -38,7 +38,7 @@ class BeamTable:
 
     maker: str
     model: str
-    beams: list[tuple[float, float]]  # elevation and azimuth offset (clockwise), degrees
+    beams: list[tuple[float, float]]  # elevation, azimuth offset (clockwise) of each beam, degrees
     columns_per_turn: int | None = None
     rate_hz: float = 10.0
     rays: list[tuple[float, float, float]] | None = None  # azimuth, elevation (degrees), time (s)

@@ -18,14 +18,14 @@ from pyinfra.exchange.recording import Options
 USUAL = 4
 TRIED = (4, 5, 6, 3)  # possible numbers of columns
 FILES = 30  # maximum number of files whose values are read, evenly distributed
-MOST_FILES = 0.9  # minimum share of files whose size fits; the other files are cut off
+MOST_FILES = 0.9  # minimum share of files with only whole rows; the other files are truncated
 VALUES = 60 * 1000  # number of values read per file, a multiple of all numbers in TRIED
 MOST = 1e7  # largest plausible coordinate: 10 km in millimetres
 # Two numbers of columns are distinguished if their shares of explained variance differ by more than
 # CLEARLY + FEWER / sqrt(number of values).
 CLEARLY = 0.1
 FEWER = 2.0
-FEW = 200  # with fewer values than this, no minimum of the explained variance is required
+FEW = 200  # number of values below which no minimum explained variance is required
 
 
 @unchecked
@@ -45,7 +45,7 @@ def columns_of(files: Sequence[Path], options: Options) -> tuple[int, str]:
         return options.columns, note
     sizes = [file.stat().st_size for file in files]
     counts = {n: sum(size % (4 * n) == 0 for size in sizes) for n in TRIED}
-    most = max(counts.values())  # fewer than all files if some files are cut off
+    most = max(counts.values())  # less than the number of files if some files are truncated
     fit = [n for n in TRIED if counts[n] == most and most >= MOST_FILES * len(files)]
     if not any(sizes) or fit == [USUAL] or not fit:
         return USUAL, ""

@@ -10,8 +10,8 @@ from pyinfra.core.errors import Error
 from pyinfra.formats.kitti import FieldOfView
 
 MOST_POINTS = 20_000  # maximum number of points used per frame, evenly distributed
-ROUNDING_DEG = 1e-4  # so that rounding does not move a direction of 0 below 0
-FULL_GAP_DEG = 30  # minimum width of a gap in azimuth that is outside the field of view
+ROUNDING_DEG = 1e-4  # added to angles, so that rounding does not turn 0 into a negative angle
+FULL_GAP_DEG = 30  # minimum width of an azimuth gap that limits the field of view
 
 
 @dataclass

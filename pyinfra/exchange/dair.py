@@ -31,7 +31,7 @@ def read(source: Path, options: Options) -> Recording:
     clouds = sorted_files(side / "velodyne", [".pcd"])
     label_folders = (side / name for name in LABELS if (side / name).is_dir())
     folder = options.labels or next(label_folders, None)
-    # V2X-Seq has tracks, DAIR-V2X has none.
+    # The labels of V2X-Seq have track ids, those of DAIR-V2X have none.
     recording = Clouds(object_labels(clouds, folder), options).recording()
     info = side / "data_info.json"
     return replace(

@@ -31,7 +31,7 @@ from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import plain_cell
 from pyinfra.formats.kitti import RECORDED, Labels, Objects, RoadShape, WorldPose
 
-HEIGHT_OFF_M = 0.5  # tolerated difference of a height from the vehicles' bottoms
+HEIGHT_OFF_M = 0.5  # tolerated difference of the sensor height from that above vehicle bottoms
 SEEN = 1.0  # visibility of a labelled object if the recording states none
 
 
@@ -45,7 +45,7 @@ class LidarFacts:
     price_usd: tuple[float, float] | None = None
     period_s: float | None = None
     height_m: float | None = None  # height of the sensor above the road
-    tilt: tuple[float, float] | None = None  # pitch (positive looks down), roll; radians
+    tilt: tuple[float, float] | None = None  # pitch (positive is downwards) and roll, radians
     shape: RoadShape | None = None  # road shape, if the road is not a plane
     types: Mapping[str, str] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()  # texts that describe all assumptions
@@ -198,7 +198,7 @@ def _write_frame(
 
 def has_return(points: Points) -> BoolArray:
     """Returns (n,) whether each point (n, 4) is a return, that is, finite and not 0 0 0."""
-    # The sum is ten times as fast as np.isfinite(...).all(axis=1).
+    # Testing whether the sum is finite is ten times as fast as np.isfinite(...).all(axis=1).
     finite = np.isfinite(points[:, :3] @ np.ones(3, dtype=np.float32))
     x, y, z = points[:, 0], points[:, 1], points[:, 2]
     return np.asarray(finite & ((x != 0) | (y != 0) | (z != 0)))
@@ -241,7 +241,7 @@ def with_ids(boxes: Boxes, points: Points, fields: Records) -> Boxes:
     inside = [
         points_in_boxes(points[fields["object_id"] == owner], boxes.boxes) for owner in owners
     ]
-    counts = np.stack(inside, axis=1)  # (boxes, owners)
+    counts = np.stack(inside, axis=1)  # number of points of each owner in each box, (boxes, owners)
     best = counts.argmax(axis=1)
     k = np.arange(len(boxes))
     agreed = (counts.argmax(axis=0)[best] == k) & (counts[k, best] > 0)

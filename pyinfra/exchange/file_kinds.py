@@ -19,7 +19,7 @@ _CLOUD = "save the points as .pcd, .las or .ply, for example with CloudCompare o
 _ARCHIVE = "unpack the archive and import the folder"
 _ARRAYS = "save each frame as .bin: `points.astype('float32').tofile('000000.bin')`"
 _PICKLE = FileKind("pickle", "", "pickles are not read, because they can run code; " + _ARRAYS)
-# First bytes and kind. The first match is used.
+# First bytes of a file, and the kind of file that they identify. The first match is used.
 MAGIC: tuple[tuple[bytes, FileKind], ...] = (
     (b"\x89MCAP0\r\n", FileKind("MCAP", "bag")),
     (b"#ROSBAG V", FileKind("ROS 1 bag (.bag)", "bag")),
@@ -67,7 +67,7 @@ SUFFIXES = {
     ".db3": "bag",
     ".pcap": "pcap",
 }
-# Endings of files that can lie beside a recording and are not clouds.
+# Extensions of files that are often beside a recording and are not point clouds.
 BESIDE = {".json", ".yaml", ".yml", ".md", ".pkl", ".png", ".jpg", ".jpeg", ".xml", ".html", ".log"}
 
 

@@ -25,14 +25,14 @@ class Format:
 
     export: str = ""
     read: str = ""
-    # Format that reads an export of this format; empty if there is none.
+    # Import format that reads exports of this format; empty if no format reads them.
     back: str = ""
-    # Packages that read or write the format. If there is an extra, it installs these packages.
+    # Python packages that are needed to read or write the format.
     packages: str = ""
     extra: str = ""  # extra of pyproject.toml that installs the optional packages
-    # Whether clouds of the format are level. None means that they are level if they have labels.
+    # Whether z is vertical in the format's clouds. With None, z is vertical in labelled clouds.
     level: bool | None = None
-    # Largest intensity in the format. None means that it is determined from the clouds.
+    # Largest intensity in the format, or None to determine the value from the clouds.
     intensity_max: float | None = None
 
 

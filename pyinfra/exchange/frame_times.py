@@ -14,9 +14,9 @@ from pyinfra.formats.kitti.lidar import PERIOD_S
 
 STAMP_UNITS_S = (1.0, 1e-3, 1e-6, 1e-9)
 MOST_NUMBER = 999_999
-MOST_UNKNOWN = 0.1  # share of frames whose unknown times are interpolated
-AROUND = 4  # a late or early time is compensated within at most this many steps
-MOST_OFF = 0.05  # tolerance between gaps in the numbers of names and in the clock, as a share
+MOST_UNKNOWN = 0.1  # maximum share of frames with unknown times that are interpolated
+AROUND = 4  # maximum number of steps between a long step and the short step that compensates it
+MOST_OFF = 0.05  # relative tolerance between steps of the clock and of the numbers in names
 
 
 def seconds_of_stamp(value: float) -> float | None:
@@ -177,10 +177,10 @@ def _by_clock(
         why = f"the median step of the clock is {usual:.4g} s, which is no frame period"
         return recording, [*notes, *_without_clock(recording, period_s, why)]
     apart = np.diff(recording.numbers())
-    unit = float(np.median(steps / np.maximum(apart, 1)))  # time from one number to the next
+    unit = float(np.median(steps / np.maximum(apart, 1)))  # time from one frame number to the next
     off = np.abs(_missing((steps - unit * apart) / usual)) > MOST_OFF * apart
-    # Key frames have numbers that are more than 1 apart. A period that is the time between them
-    # does not fit these numbers.
+    # Numbers of key frames are more than 1 apart. If the user's period is the time between key
+    # frames, the period does not fit the numbers.
     is_of_clouds = bool(period_s and _near(period_s, usual) and not _near(period_s, unit))
     anew = is_named and (bool(off.any()) or is_of_clouds)
     is_kept = is_named and not anew

@@ -17,7 +17,7 @@ class ImportSummary:
     frames: int = 0
     points: int = 0
     without_return: int = 0  # number of dropped points, which are not finite or 0 0 0
-    without_intensity: int = 0  # number of points whose intensity is not finite; written as 0
+    without_intensity: int = 0  # number of points whose intensity, which is not finite, is set to 0
     empty: list[str] = field(default_factory=list)  # names of frames without a return
     # Names of frames with the same points as another frame.
     doubled: list[str] = field(default_factory=list)
@@ -25,7 +25,7 @@ class ImportSummary:
     bad: list[str] = field(default_factory=list)  # frames that could not be read, and why
     assumed: tuple[str, ...] = ()
     not_read: list[str] = field(default_factory=list)  # parts of the recording that are not read
-    unread_keys: set[str] = field(default_factory=set)  # keys of labels
+    unread_keys: set[str] = field(default_factory=set)  # keys of labels that are not read
     types: Counter[str] = field(default_factory=Counter)
     tracked: int = 0  # number of labels whose track is known
     wide: int = 0  # number of labelled vehicles that are wider than long

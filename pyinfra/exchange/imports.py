@@ -31,11 +31,11 @@ from pyinfra.exchange.recording import Options
 from pyinfra.exchange.unread import has_labels, unread_files
 from pyinfra.formats.kitti.lidar import PERIOD_S
 
-# How points are levelled. `road` estimates the road and levels the points to it, and `as-is` leaves
-# the points unchanged.
+# How points are levelled. `road` levels the points to the estimated road, and `as-is` leaves them
+# unchanged. `auto` selects `as-is` for points that are level by their format or labels.
 Upright = Literal["auto", "road", "as-is"]
-SAMPLE = Path(__file__).with_name("sample")  # clouds written by `reproduction sample`
-NAME = "lidar"  # name of the LiDAR of a data set whose folder is given without a LiDAR
+SAMPLE = Path(__file__).with_name("sample")  # recording made by `reproduction sample`
+NAME = "lidar"  # name of the LiDAR if the user gives only the folder of the data set
 
 
 def recording_folder(source: Path) -> Path:
@@ -91,7 +91,7 @@ def import_recording(
         assumed=(*recording.notes(), *estimate.assumed, *time_notes),
         not_read=tuple(unread_files(source, recording.reads)),
     )
-    lock = ExitStack()  # is closed after the new folder has its name
+    lock = ExitStack()  # released after the new folder has its final name
     with lock, new_folder(out) as beside:
         shown = Shown(range(len(recording.names)))
         summary = write_lidar(recording, beside, facts, shown, strict=strict, skip_bad=skip_bad)

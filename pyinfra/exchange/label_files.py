@@ -25,7 +25,7 @@ from pyinfra.formats.box_csv import BoxTable, read_box_csv, rows_of_names
 
 FOLDERS = ("labels", "label")  # usual folders of labels in a recording
 CLOUD_FOLDERS = ("points", "", "lidar", "pcd", "pointclouds")  # usual folders of clouds
-MOST_JSON = 20  # files beside the clouds in which OpenLABEL is searched
+MOST_JSON = 20  # maximum number of files beside the clouds that are checked for OpenLABEL
 SUFFIXES = (".txt", ".json", ".csv")
 NO_TRACK = ("", "-1", "nan", "None")
 
@@ -34,7 +34,7 @@ NO_TRACK = ("", "-1", "nan", "None")
 class LabelFiles:
     """The clouds of a recording and their labels. Without labels, there are no files."""
 
-    clouds: list[Path]  # the clouds that have labels, or all
+    clouds: list[Path]  # the clouds with labels, or all clouds if there are no labels
     # Maps the name of a cloud to its boxes. Raises FormatError.
     read: Callable[[str], Boxes] = lambda name: NO_BOXES
     files: tuple[Path, ...] = ()

@@ -13,11 +13,11 @@ from pyinfra.exchange.recording import Options, Recording, records_of
 
 FIELDS = ("intensity", "gps_time", "ring", "line", "reflectivity", "timestamp", "scan_channel")
 MOST_POINTS = 200_000_000
-LEAST_POINT_BYTES = 20  # minimum size of a point in LAS; LAZ compresses it by up to RATIO
+LEAST_POINT_BYTES = 20  # minimum size of a point in LAS; LAZ is up to RATIO times smaller
 RATIO = 20
 HEAD_BYTES, OLD_HEAD_BYTES = 375, 227  # header sizes of versions 1.4 and 1.2
-COMPRESSED = 0x80  # bit of the point format in the header of LAZ
-RECORD_BYTES, EXTENDED_BYTES = 54, 60  # header sizes of variable length records
+COMPRESSED = 0x80  # bit that marks a compressed file (LAZ) in the header's point format
+RECORD_BYTES, EXTENDED_BYTES = 54, 60  # header sizes of variable length records and extended ones
 
 
 def read(source: Path, options: Options) -> Recording:
@@ -46,7 +46,7 @@ def read_las(file: Path) -> Records:
             cloud = stream.read()
     except FormatError:
         raise
-    except Exception as error:  # laspy raises many types for damaged files
+    except Exception as error:  # laspy raises many types of exceptions for damaged files
         raise FormatError(
             f"{file}: cannot be read as LAS or LAZ: {str(error)[:200]}; save the file again, for "
             "example with PDAL or CloudCompare"

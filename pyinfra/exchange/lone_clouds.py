@@ -18,7 +18,7 @@ from pyinfra.exchange.recording import Options, read_bin
 from pyinfra.exchange.units import brightest_of, usual_intensity_max
 from pyinfra.formats import pcd_file
 
-CHECKED = 5  # number of clouds of each kind whose intensities decide the scale
+CHECKED = 5  # number of clouds of each file type whose intensities decide the scale
 
 
 def cloud_reader(clouds: Sequence[Path]) -> tuple[Callable[[Path], Points], list[str]]:
@@ -84,6 +84,6 @@ def _is_pcd(cloud: Path) -> bool:
 def _brightest(read: Callable[[Path], Points], files: Sequence[Path]) -> float:
     """Returns the intensity that only a few points of some of the files exceed, or 0."""
     step = max(len(files) / CHECKED, 1)
-    chosen = [files[int(i * step)] for i in range(min(len(files), CHECKED))]  # evenly distributed
+    chosen = [files[int(i * step)] for i in range(min(len(files), CHECKED))]  # evenly spaced files
     clouds = [points[has_return(points)].astype(np.float64) for points in readable(read, chosen)]
     return brightest_of([cloud * [1, 1, 1, WIDE.intensity_max or 1] for cloud in clouds])

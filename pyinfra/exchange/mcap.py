@@ -50,7 +50,7 @@ COLOUR = {"r": 1.0, "g": 0.6, "b": 0.1, "a": 0.4}
 
 # Type numbers of sensor_msgs/PointField.
 _DATATYPES = {"<f4": 7, "|u1": 2, "<u2": 4, "<i4": 5}
-# Maps names that other tools use to names in kitti.FIELDS.
+# Maps the names of point fields in exported files to names in kitti.FIELDS.
 _FIELDS = {
     "time": "time_s",
     "ring": "ring",

@@ -12,7 +12,8 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray
 
-UNITS = {0: 1.0, 3: 1e-3, 6: 1e-6, 9: 1e-9}  # unit by number of digits of the longest fraction
+# Maps the number of digits of the longest fraction of a second to the unit of all fractions.
+UNITS = {0: 1.0, 3: 1e-3, 6: 1e-6, 9: 1e-9}
 EARLIEST_S, LATEST_S = 1e8, 1e11  # plausible seconds since 1970
 REGULAR = (0.5, 1.5)  # range of regular steps, relative to the median step
 
@@ -38,7 +39,7 @@ def times_in(names: Sequence[str]) -> FloatArray | None:
         varies = len(lengths) > 1 and counted is not None
         return counted if varies and regularity(counted) > regularity(decimal) else decimal
     if counted is None and all(separator == "-" for _, separator, _ in found):
-        return whole  # another number, such as that of the sensor, follows the time
+        return whole  # the number after the time has another meaning, such as a sensor number
     return counted
 
 

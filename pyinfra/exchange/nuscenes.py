@@ -40,10 +40,10 @@ from pyinfra.exchange.series import FrameSeries, StoredFrame, quaternion, read_f
 Row = dict[str, Any]
 Add = Callable[[Row], None]  # adds a row to a table
 VERSION = "v1.0-infrasim"
-CHANNEL = "LIDAR_TOP"  # the only LiDAR name that the devkit knows
+CHANNEL = "LIDAR_TOP"  # the only LiDAR name that the devkit of nuScenes accepts
 MAX_INTENSITY = 255
 STILL_MPS = 0.2  # highest speed of a standing object
-# A table of this package, with values of annotations that the schema does not hold.
+# Name of an additional table for values of annotations that the nuScenes schema does not contain.
 OWN = "infrasim"
 TABLES = (
     "attribute calibrated_sensor category ego_pose instance log map sample sample_annotation "

@@ -25,12 +25,12 @@ from pyinfra.exchange.recording import Boxes, Options, RecordedFrame, Recording,
 from pyinfra.formats.kitti import WorldPose
 from pyinfra.formats.kitti.layout import FARTHEST_M
 
-COLUMNS = 5  # x y z intensity ring
+COLUMNS = 5  # number of values per point: x y z intensity ring
 INTENSITY_MAX = 255.0
-# Assumed visible share of each level. For levels 2 to 4 it is the middle of the level's range. For
-# level 1 (0 to 40 %) it is so low that the object does not count as visible.
+# Assumed visible share of each level: for levels 2 to 4, the middle of the level's range. For level
+# 1 (0 to 40 %), the share is so low that the object does not count as visible.
 VISIBILITY = {"1": 0.1, "2": 0.5, "3": 0.7, "4": 0.9}
-OWN = "infrasim"  # further table of the exports of this package (nuscenes.py)
+OWN = "infrasim"  # name of an additional table in exports of this package (nuscenes.py)
 STILL_M = 0.5  # largest distance between the positions of a LiDAR that does not move
 NEEDED = (
     *("sample", "sample_data", "calibrated_sensor", "sensor", "ego_pose"),
@@ -160,10 +160,10 @@ class Tables:
 class Pose:
     """The pose of a LiDAR in the global frame, in metres and radians."""
 
-    origin: FloatArray  # (3,)
+    origin: FloatArray  # position (3,), metres
     yaw: float
-    tilt: tuple[float, float]  # pitch, roll
-    leaning: FloatArray  # (3, 3) rotation of T_levelled_sensor
+    tilt: tuple[float, float]  # pitch and roll, radians
+    leaning: FloatArray  # rotation (3, 3) from the sensor frame to the levelled frame
 
 
 def _table_folder(source: Path) -> Path:

@@ -25,7 +25,7 @@ PILLAR_M = 0.32
 VOXEL_M = 0.1
 CELLS = 16  # side lengths of a grid are multiples of this number of cells
 LAYERS = 40  # number of voxel layers in z
-LOW_Z_M, HIGH_Z_M = -2.0, 4.0  # the z range above the road covers at least this interval
+LOW_Z_M, HIGH_Z_M = -2.0, 4.0  # minimum z range of the grid, relative to the road
 MARGIN_M = 0.5  # vertical margin above and below the vehicles
 AROUND_M = 2.0  # horizontal margin around the vehicles
 # Margin beyond the LiDAR's range, because the centre of a vehicle can be farther than its near end.

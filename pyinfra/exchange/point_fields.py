@@ -27,7 +27,7 @@ RINGS = (
     *("ring", "line", "channel", "laser_id", "laser", "ring_id", "beam", "beam_id", "laserid"),
     *("laser_channel", "scan_channel"),
 )
-# The reflectivity is calibrated by the maker; the intensity of the same points often is not.
+# Fields in order of preference. Makers calibrate the reflectivity, but often not the intensity.
 INTENSITIES = (
     *("reflectivity", "intensity", "i", "intensities", "reflectance", "remission"),
     *("signal", "signal_photons"),
@@ -38,8 +38,8 @@ UNITS = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nano
 # Plausible duration between the first and last point of a frame. The range is a factor of 1000, so
 # that exactly one unit fits.
 DURATION_S = (0.003, 3.0)
-LEAST_MAP_M = 1e5  # UTM coordinates are larger than this
-MOST_ROUNDING_S = 1e-3  # largest rounding of times of points
+LEAST_MAP_M = 1e5  # coordinates above this are map coordinates, such as UTM
+MOST_ROUNDING_S = 1e-3  # largest accepted rounding error of the times of points
 # A cloud with all of these fields was written by `pyinfra export`. Its times are in seconds.
 EXPORTED = {"time", "ring", "object_id", "class", "echo"}
 
@@ -51,7 +51,7 @@ class PointTimes:
     field: str
     unit_s: float
     is_absolute: bool  # whether times are counted from an epoch, such as 1970
-    is_shifted: bool  # whether times have to be counted anew from the first point of a frame
+    is_shifted: bool  # whether the time of the first point of a frame is subtracted
 
     @unchecked
     def seconds(self, records: Records) -> FloatArray:
@@ -62,7 +62,7 @@ class PointTimes:
             valid &= values > 0
         out = np.zeros(len(values))
         if valid.any():
-            # Large numbers lose digits, so the subtraction comes before the conversion.
+            # The conversion to float64 rounds large integers, so the subtraction comes first.
             least = values[valid].min() if self.is_shifted else 0
             out[valid] = (values[valid] - least).astype(np.float64) * self.unit_s
         return out

@@ -19,8 +19,8 @@ from pyinfra.exchange.recording import Options, RecordedFrame, Recording, as_poi
 _Item = TypeVar("_Item")
 _Read = TypeVar("_Read")
 ReadRecords = Callable[[Path], Records]
-# Number of first clouds whose values decide what the fields mean. A single cloud is not enough,
-# because an empty cloud has no values.
+# Number of clouds, from the first, whose values decide what the fields mean. A single cloud is not
+# enough, because it may be empty.
 FIRST = 3
 
 

@@ -23,10 +23,10 @@ class Options:
 
     intensity_max: float | None = None  # largest intensity of the source, which is scaled to 1
     columns: int | None = None  # number of float32 values per point in a .bin file
-    labels: Path | None = None  # folder of the labels, if it is not the usual one, or a .csv file
+    labels: Path | None = None  # folder of labels, if not the usual folder, or .csv file of labels
     channel: str | None = None  # name of the LiDAR, if the recording has several
     unit_m: float = 1.0  # length unit of the source's coordinates, metres
-    # Columns of a .csv file with labels, by the keys of `formats.box_csv`.
+    # Maps the keys of `formats.box_csv` to the columns of a .csv file with labels.
     label_columns: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -39,7 +39,7 @@ class Boxes:
     ids: IntArray | None = None  # (k,) ids of tracks; None if they are unknown
     visibility: FloatArray | None = None  # (k,) visible share in [0, 1]; None if it is unknown
     left_out: tuple[str, ...] = ()  # texts about objects of the frame that could not be read
-    unread: frozenset[str] = frozenset()  # keys of the objects that are not read
+    unread: frozenset[str] = frozenset()  # keys of labelled objects that are not read
 
     def __len__(self) -> int:
         return len(self.names)
@@ -54,7 +54,7 @@ class RecordedFrame:
 
     points: Points  # (n, 4) x y z intensity, intensity in [0, 1]
     boxes: Boxes
-    fields: Records | None = None  # (n,) kitti.FIELDS
+    fields: Records | None = None  # (n,) records of kitti.FIELDS
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +71,12 @@ class Recording:
     tilt: tuple[float, float] | None = None
     # Digest of the tracks that ids identify; empty if ids do not identify tracks.
     tracks_sha256: str = ""
-    times: Callable[[], FloatArray | None] = lambda: None  # frame times in the files, seconds
+    times: Callable[[], FloatArray | None] = lambda: None  # returns frame times of the files in s
     notes: Callable[[], list[str]] = list  # returns texts about assumptions of the reader
     origin: Callable[[], FloatArray | None] = lambda: None  # sensor position in the points' frame
     slots: tuple[int, ...] | None = None  # frame numbers; if None, numbers() derives them
-    reads: tuple[Path, ...] = ()  # files and folders of the source that are read; empty: not known
-    unread_parts: Callable[[], list[str]] = list  # returns texts about other parts not read
+    reads: tuple[Path, ...] = ()  # files and folders that are read; empty if they are unknown
+    unread_parts: Callable[[], list[str]] = list  # returns texts about unread fields or topics
 
     @property
     def counted(self) -> bool:
@@ -86,7 +86,8 @@ class Recording:
         """
         if not all(re.fullmatch("0*[0-9]{1,6}", name) for name in self.names):
             return True
-        return len({int(name) for name in self.names}) < len(self.names)  # for example 1 and 01
+        # Names such as 1 and 01 have the same number.
+        return len({int(name) for name in self.names}) < len(self.names)
 
     def numbers(self) -> tuple[int, ...]:
         """Returns the frame numbers: `slots`, else the names as numbers, else 0, 1, 2, ..."""
@@ -165,7 +166,7 @@ def as_points(
     """
     highest = usual if options.intensity_max is None else options.intensity_max
     for name, column in zip(("x", "y", "z", "intensity"), columns, strict=True):
-        # These limits are the same as in kitti.read_points.
+        # The limits of coordinates and intensities are those of kitti.read_points.
         most = FARTHEST_M * (highest if name == "intensity" else 1 / options.unit_m)
         bad = np.flatnonzero(np.isfinite(column) & (np.abs(column) > most))
         if len(bad) > 0:

@@ -24,7 +24,7 @@ from pyinfra.formats.kitti import Labels
 CLASSES = ("Vehicle", "Pedestrian", "Cyclist")
 SENSOR_FILE = "sensor.yaml"
 PARTS = ("train", "val")
-TRAIN_SHARE = 0.8  # without ImageSets, the first frames up to this share are `train`
+TRAIN_SHARE = 0.8  # share of frames, from the first, that are `train` if there are no ImageSets
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +32,9 @@ class RoadFrame:
     """A frame with the road at z = 0."""
 
     number: int
-    points: Points  # (n, 4)
+    points: Points  # (n, 4) x y z intensity
     names: NameArray  # (k,) names from CLASSES
-    boxes: FloatArray  # (k, 7)
+    boxes: FloatArray  # (k, 7) x y z dx dy dz heading
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class RoadSite:
     """The vehicles of all exported frames, with the road at z = 0."""
 
     floor_z: float  # z of the road in the LiDAR frame
-    vehicles: FloatArray  # (m, 7)
+    vehicles: FloatArray  # boxes (m, 7) of the vehicles
 
 
 def read_labels(folder: Path, frames: Sequence[int]) -> list[Labels]:

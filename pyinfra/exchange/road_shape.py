@@ -13,14 +13,14 @@ from pyinfra.dataset.ground import SHAPE_REACH_M, shape_heights
 from pyinfra.dataset.road_plane import SOFT_M, lowest_points
 from pyinfra.formats.kitti import RoadShape
 
-LEAST_COLUMNS = 100  # minimum number of columns with traffic
-GATES_M = (1.5, 0.8, 0.5, 0.3, 0.3, 0.3)  # maximum distance from the surface in successive fits
+LEAST_COLUMNS = 100  # minimum number of ground cells in which traffic was seen
+GATES_M = (1.5, 0.8, 0.5, 0.3, 0.3, 0.3)  # maximum distance of points from the surface in each fit
 # Points higher than ABOVE_M above the surface may be a vehicle that hides the road. Their weight is
 # ABOVE_WEIGHT.
 ABOVE_M = 0.05
 ABOVE_WEIGHT = 0.3
 STEADY_M4 = 1e4  # ridge term of the quadratic coefficients: (0.05 m / 5e-4 per m) squared
-# The mean distance of the ground from the surface must be smaller than that from the plane by at
+# Compared with the plane, the surface must reduce the mean distance of the ground points by at
 # least GAIN_M. Each distance is limited to MOST_M.
 GAIN_M = 0.03
 MOST_M = 0.3

@@ -8,7 +8,7 @@ from pyinfra.exchange.series import nanoseconds, quaternion
 
 Message = dict[str, Any]
 
-CUBE, DELETE_ALL = 1, 3  # Marker.type, Marker.action
+CUBE, DELETE_ALL = 1, 3  # values of Marker.type and Marker.action
 
 _HEADER = """
 ================================================================================

@@ -35,7 +35,7 @@ LIVOX_FIELDS = [
     *((axis, "<f4") for axis in "xyz"),
     *((name, "u1") for name in ("reflectivity", "tag", "line")),
 ]
-_CUBE, _ADD = 1, 0  # Marker.type, Marker.action
+_CUBE, _ADD = 1, 0  # values of Marker.type and Marker.action
 
 
 class Entry(NamedTuple):
@@ -110,8 +110,8 @@ def livox_records(location: str, raw: bytes, *, is_ros2: bool) -> Records:
         (length,) = struct.unpack_from("<I", raw, 12)
         at = 16 + length
         if is_ros2:
-            at += -(at - 4) % 8  # alignment of the timebase counts from byte 4
-        at += 8 + 4 + 4  # timebase, point_num, lidar_id and rsvd
+            at += -(at - 4) % 8  # padding: the timebase is aligned to 8 bytes, counted from byte 4
+        at += 8 + 4 + 4  # sizes of timebase, of point_num, and of lidar_id and rsvd
         (count,) = struct.unpack_from("<I", raw, at)
     except struct.error:
         raise FormatError(f"{location}: expected a Livox CustomMsg, got {len(raw)} bytes") from None
@@ -131,8 +131,8 @@ def livox_records(location: str, raw: bytes, *, is_ros2: bool) -> Records:
 class Transform:
     """The transform of a child frame to its parent frame."""
 
-    shift: FloatArray  # (3,)
-    turn: FloatArray  # (3, 3)
+    shift: FloatArray  # translation (3,), metres
+    turn: FloatArray  # rotation matrix (3, 3)
 
     def after(self, inner: Transform) -> Transform:
         """Returns the transform that applies `inner` and then this transform."""
@@ -249,7 +249,8 @@ def _detections(message: Any) -> Iterator[Entry]:
     for detection in message.detections:
         best, most = "", -1.0
         for result in detection.results:
-            inner = getattr(result, "hypothesis", result)  # a field of `result` since vision_msgs 4
+            # Since vision_msgs 4, the class and score are in the field `hypothesis`.
+            inner = getattr(result, "hypothesis", result)
             score = float(getattr(inner, "score", 0.0))
             if score > most:
                 best, most = str(getattr(inner, "class_id", getattr(inner, "id", ""))), score

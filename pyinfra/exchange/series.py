@@ -19,7 +19,7 @@ from pyinfra.exchange.recording import records_of
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Objects
 
-NEW_IDS = 2**30  # if ids are tracks, objects without an id get ids from this number on
+NEW_IDS = 2**30  # first new id for objects without an id, if ids identify tracks
 # Keys of dataset.yaml that are part of the provenance.
 _KEYS = ("name", "preset", "aggregation", "label_time", "seed", "version")
 
@@ -35,7 +35,7 @@ class FrameSeries:
     ids_are_tracks: bool  # whether an object has the same id in all frames
     period_s: float
     label_time: LabelTime
-    T_world_lidar: kitti.WorldPose  # the identity if there is no lidar.yaml
+    T_world_lidar: kitti.WorldPose  # LiDAR pose; the identity if there is no lidar.yaml
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class StoredFrame:
     middle_s: float  # time of the boxes; with label time `scan`, it is only approximate
     points: Points  # (n, 4) x y z intensity
     fields: Records | None  # (n,) records of kitti.FIELDS; None if the folder has no `fields`
-    objects: Objects  # with boxes and points_in_box at the label time
+    objects: Objects  # objects with boxes and points_in_box at the label time
 
 
 def read_series(lidar_folder: Path) -> FrameSeries:

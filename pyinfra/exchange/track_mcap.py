@@ -31,7 +31,7 @@ from pyinfra.exchange.track_openlabel import FrameTracks
 
 DETECTIONS, MARKERS = "vision_msgs/msg/Detection3DArray", "visualization_msgs/msg/MarkerArray"
 COLOUR = {"r": 0.0, "g": 0.62, "b": 0.45, "a": 0.5}
-TEXT, TEXT_M, WHITE = 9, 1.0, {"r": 1.0, "g": 1.0, "b": 1.0, "a": 1.0}  # Marker.type; height
+TEXT, TEXT_M, WHITE = 9, 1.0, {"r": 1.0, "g": 1.0, "b": 1.0, "a": 1.0}  # values of text markers
 
 
 def write_mcap(file: Path, frames: Sequence[FrameTracks], lidar: str) -> None:
@@ -54,7 +54,7 @@ def write_mcap(file: Path, frames: Sequence[FrameTracks], lidar: str) -> None:
 def _detections(stamp: Message, part: pd.DataFrame) -> Message:
     boxes = part[BOX].to_numpy(np.float64)
     variances = part[["x_var_m2", "xy_cov_m2", "xy_cov_m2", "y_var_m2"]].to_numpy(np.float64)
-    # The covariance of x y z and the rotations; it is 0 where it is not estimated.
+    # Covariance (6, 6) of x y z and three rotations. Entries without an estimate are 0.
     covariances = np.pad(variances.reshape(-1, 2, 2), ((0, 0), (0, 4), (0, 4)))
     columns = zip(part.id, part.type, part.score, boxes, covariances, strict=True)
     return {

@@ -9,8 +9,8 @@ from pathlib import Path
 from pyinfra.core.files import resolved
 
 MOST_LISTED = 12
-MOST_ENTRIES = 100_000  # larger folders are not searched
-# Files that describe a recording, or are programs, and have no data.
+MOST_ENTRIES = 100_000  # maximum number of entries of a folder that is searched
+# Names of files that have no data: descriptions of a recording, and programs.
 TEXTS = re.compile(r"(readme|licen[cs]e|changelog)|.*\.(py|ipynb|sh)$", re.IGNORECASE)
 # Names of files and folders beside a folder of clouds that are probably labels.
 LIKE_LABELS = re.compile(r"label|annot|ground.?truth|\bgts?\b|boxes|cuboid|tracks", re.IGNORECASE)

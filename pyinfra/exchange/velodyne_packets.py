@@ -32,7 +32,7 @@ OTHERS = (
     (b"\x55\xaa\x05\x0a", "RoboSense", "rslidar_sdk (`msg_source: 3`)"),
     (b"\x55\xaa\x5a\xa5", "RoboSense", "rslidar_sdk (`msg_source: 3`)"),
 )
-OUSTER_BYTES = range(3000, 34_000)  # Velodyne's, Hesai's and RoboSense's packets are smaller
+OUSTER_BYTES = range(3000, 34_000)  # packet sizes of Ouster; other makers' packets are smaller
 
 
 def read(source: Path, options: Options) -> Recording:
@@ -97,7 +97,7 @@ class Packets:
             yield from velodyne.read_pcap(self.file, as_pcl_structs=True)
         except Error:
             raise
-        except Exception as error:  # the decoder raises many types for damaged packets
+        except Exception as error:  # the decoder raises many types of exceptions
             raise FormatError(f"{self.file}: cannot be decoded: {str(error)[:200]}") from None
 
 
@@ -115,7 +115,7 @@ def _check_maker(file: Path) -> None:
             sizes.add(len(data))
     except (Error, OSError):
         raise
-    except Exception as error:  # dpkt raises many types for damaged files
+    except Exception as error:  # dpkt raises many types of exceptions for damaged files
         raise FormatError(f"{file}: cannot be read as .pcap: {str(error)[:200]}") from None
     if any(size in OUSTER_BYTES for size in sizes):
         raise Error(_other(file, "Ouster", f"`ouster-cli source {file.name} save out.bag`"))

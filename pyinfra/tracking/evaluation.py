@@ -24,8 +24,8 @@ from pyinfra.tracking.movements import movements
 from pyinfra.tracking.passages import passages
 
 VISIBLE = 0.2  # minimum visible share of an evaluated vehicle
-PASSAGE_S, PASSAGE_M = 1.5, 2.5  # largest differences between a passage and its truth
-_RISE = 5  # frames before and after a frame, over which the true speed is measured
+PASSAGE_S, PASSAGE_M = 1.5, 2.5  # maximum time and offset between a passage and the true passage
+_RISE = 5  # number of frames on each side of a frame over which the true speed is computed
 
 
 class UnknownIds(Error):

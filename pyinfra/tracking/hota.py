@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from pyinfra.core.arrays import FloatArray, IntArray
 
-ZERO_M = 2.0  # centres that are this far apart have similarity 0
+ZERO_M = 2.0  # distance between two centres at which the similarity becomes 0
 ALPHAS = np.arange(1, 20) * 0.05
 _EPS = np.finfo(float).eps
 
@@ -21,8 +21,8 @@ _EPS = np.finfo(float).eps
 class Sightings:
     """The n objects of all frames, ordered by frame."""
 
-    frame: IntArray  # (n,) ascending
-    ids: IntArray  # (n,)
+    frame: IntArray  # (n,) frame numbers, ascending
+    ids: IntArray  # (n,) ids of the objects
     xy: FloatArray  # (n, 2) centres, metres
 
     def at(self, frame: int) -> slice:
@@ -47,7 +47,7 @@ class Clear:
     `pairs` are rows of the truth and of the tracks that are matched (k, 2).
     """
 
-    mota: float  # percent
+    mota: float  # MOTA in percent
     switches: int
     false_positives: int
     misses: int
@@ -61,8 +61,8 @@ def hota(truth: Sightings, tracks: Sightings) -> Hota:
     ids, row = np.unique(tracks.ids, return_inverse=True)
     rows = [(truth.at(f), tracks.at(f)) for f in np.union1d(truth.frame, tracks.frame)]
     alike = [(a, b, similarity(truth.xy[a], tracks.xy[b])) for a, b in rows]
-    # Similarity of each true object and track, summed over the frames. It weights the matches of
-    # each frame.
+    # Similarity of each true object and track, summed over the frames. The sum weights the matches
+    # of each frame.
     potential = np.zeros((len(true_ids), len(ids)))
     for a, b, values in alike:
         total = values.sum(0)[None] + values.sum(1)[:, None] - values
@@ -93,8 +93,8 @@ def hota(truth: Sightings, tracks: Sightings) -> Hota:
 
 def clear(truth: Sightings, tracks: Sightings, distance_m: float = ZERO_M) -> Clear:
     """Matches tracks with the truth, frame by frame; a match of the frame before has priority."""
-    last: dict[int, int] = {}  # the last track of each true object
-    before: dict[int, int] = {}  # the matches of the frame before
+    last: dict[int, int] = {}  # latest track id of each true object id
+    before: dict[int, int] = {}  # track id of each true object id in the previous frame
     pairs, switches = [np.empty((0, 2), np.int64)], 0
     for frame in np.union1d(truth.frame, tracks.frame):
         a, b = truth.at(frame), tracks.at(frame)

@@ -23,9 +23,9 @@ from pyinfra.dataset.simulated_frames import SimulatedFrames
 from pyinfra.dataset.world_frame import to_levelled, to_world
 from pyinfra.formats.yaml_file import read_yaml
 
-BEYOND_M = 5.0  # a junction's lines are this far outside the crossing carriageways
-BRIDGE_M = 4.5  # roads with a greater difference in height do not cross
-AHEAD_M = 30.0  # a line across a road without junction is near this point of the sensor's x axis
+BEYOND_M = 5.0  # distance of a junction's counting lines from the crossing carriageway
+BRIDGE_M = 4.5  # minimum height difference at which one road is a bridge over the other
+AHEAD_M = 30.0  # distance ahead of the sensor of the counting line of a road without junctions
 COMPASS = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
 FARTHEST_M = 1e4  # largest coordinate of a line
 
@@ -191,7 +191,7 @@ def _across(road: Road, s: float, sign: int, pose: object, group: str) -> Line:
     index = int(np.abs(road.s - s).argmin())
     heading = float(road.heading[index]) + (0 if sign > 0 else np.pi)
     left = np.array([-np.sin(heading), np.cos(heading)]) * (road.half_width[index] + 1)
-    # The start is left of `heading`, so `heading` points to the left side of the line.
+    # The line starts on the left as seen along `heading`, so `heading` points to its left side.
     ends = to_levelled(np.array([road.xy[index] + left, road.xy[index] - left]), pose)  # type: ignore[arg-type]
     start, end = ((float(x), float(y)) for x, y in ends)
     ahead, back = compass(heading), compass(heading + np.pi)

@@ -27,10 +27,10 @@ from pyinfra.tracking.tracks import boxes_of, table_of
 POLL_S = 0.02
 WAITING = 2  # maximum number of lines that were read but not yet processed
 CLOUDS = (".bin", ".pcd")
-FRAMES = 1e11  # with a period, smaller whole numbers in names of files are frames
-SINCE_1970_S = (5e8, 5e9)  # times of the years 1985 to 2128
-UNORDERED = 10  # after this many late frames in a row, the clock is taken to have jumped back
-_UNITS = (1, 1e3, 1e6, 1e9)  # units of times in names: s, ms, us and ns
+FRAMES = 1e11  # if the period is known, smaller whole numbers in file names are frame numbers
+SINCE_1970_S = (5e8, 5e9)  # plausible seconds since 1970: the years 1985 to 2128
+UNORDERED = 10  # number of successive late frames after which a jump back of the clock is assumed
+_UNITS = (1, 1e3, 1e6, 1e9)  # units per second of times in file names: s, ms, us and ns
 _SHOWN = [
     "id",
     "type",

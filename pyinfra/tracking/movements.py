@@ -7,7 +7,7 @@ import pandas as pd
 
 from pyinfra.tracking.lines import Line
 
-UNKNOWN = "?"  # the track begins or ends within the junction
+UNKNOWN = "?"  # start or end of a movement that begins or ends within the junction
 COLUMNS = ["id", "type", "movement", "start", "end", "t_s", "travel_s"]
 
 

@@ -12,7 +12,7 @@ from pyinfra.dataset.data_set import field_of_view_mask
 from pyinfra.dataset.regions import Region
 from pyinfra.formats import kitti
 
-LEFT_M = 2.0  # a box this far outside the region has left it
+LEFT_M = 2.0  # distance outside the region from which a box has left the region
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +70,6 @@ def hidden_behind(boxes: FloatArray, others: FloatArray, sensor: FloatArray) -> 
     turn = wrapped(azimuth[:, None] - middle)
     between = (turn >= off.min(axis=1, initial=0)) & (turn <= off.max(axis=1, initial=0))
     top = at[:, 2] + boxes[:, 5] / 2
-    ray = top[:, None] * nearer / np.maximum(distance, 1e-6)[:, None]  # height at the blocker
+    ray = top[:, None] * nearer / np.maximum(distance, 1e-6)[:, None]  # ray height at the blocker
     blocked = ray < blocker[:, 2] + others[:, 5] / 2
     return np.asarray((between & blocked & (nearer < distance[:, None] - 1)).any(axis=1))

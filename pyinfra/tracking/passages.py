@@ -13,7 +13,7 @@ COLUMNS = [
     "t_s", "line", "direction", "sign", "lane", "id", "type", "speed_km_h", "length_m", "x", "y",
     "offset_m", "headway_s", "gap_s",
 ]  # fmt: skip
-LANE_M = 2.2  # passages whose offsets differ by less, on average, are in one lane
+LANE_M = 2.2  # maximum distance between the mean offsets of two groups of passages in one lane
 
 
 def passages(tracks: pd.DataFrame, lines: Sequence[Line]) -> pd.DataFrame:

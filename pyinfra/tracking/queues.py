@@ -8,8 +8,8 @@ import pandas as pd
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.tracking.lines import Line
 
-STANDS_M_S = 1.5  # slower vehicles stand in a queue
-GAP_M = 15.0  # a queue ends where the gap to the next standing vehicle is longer
+STANDS_M_S = 1.5  # speed below which a vehicle counts as standing in a queue
+GAP_M = 15.0  # maximum gap between successive standing vehicles of a queue
 COLUMNS = ["start_s", "line", "mean_queue_m", "max_queue_m", "mean_queued", "max_queued"]
 
 

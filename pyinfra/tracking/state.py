@@ -15,8 +15,9 @@ from pyinfra.tracking.motion import STATES, axes
 
 TYPES = tuple(dict.fromkeys(name for names in OBJECT_CLASSES.values() for name in names))
 PERSONS = np.array([name in PERSON_TYPES for name in TYPES])
-SAME = 0.5  # boxes that share more of the smaller area are one object
-# Standard deviation of a box's centre along and across its heading, at the sensor and per metre.
+SAME = 0.5  # overlap, relative to the smaller area, above which two boxes are one object
+# Standard deviation of a box's centre along and across the heading: the value at distance 0, and
+# the increase per metre of distance.
 ALONG_M, ALONG_PER_M = 0.25, 0.003
 ACROSS_M, ACROSS_PER_M = 0.12, 0.001
 
@@ -65,22 +66,22 @@ class Boxes(Rows):
 class Tracks(Rows):
     """The n tracks after a frame."""
 
-    ids: IntArray  # (n,)
+    ids: IntArray  # (n,) ids of the tracks
     state: FloatArray  # (n, 6) x y vx vy ax ay
-    covariance: FloatArray  # (n, 6, 6)
+    covariance: FloatArray  # (n, 6, 6) covariance of the state
     noise: FloatArray  # (n, 2, 2) covariance of the acceleration since the frame before
     z: FloatArray  # (n,) z of the centre
     size: FloatArray  # (n, 3) dx dy dz
-    heading: FloatArray  # (n,)
-    ahead: FloatArray  # (n,) votes for the heading minus votes for its opposite
-    votes: FloatArray  # (n, len(TYPES)) sum of scores
+    heading: FloatArray  # (n,) headings, radians
+    ahead: FloatArray  # (n,) evidence for the heading minus evidence for the opposite heading
+    votes: FloatArray  # (n, len(TYPES)) sum of the boxes' scores of each type
     odds: FloatArray  # (n,) log odds that the track is an object
-    confirmed: BoolArray  # (n,)
+    confirmed: BoolArray  # (n,) whether the log odds have ever been high enough for a track
     last_s: FloatArray  # (n,) time of the last box
-    frames_seen: IntArray  # (n,) frames with a box
-    frames_missed: IntArray  # (n,) frames without a box
+    frames_seen: IntArray  # (n,) number of frames with a box
+    frames_missed: IntArray  # (n,) number of frames without a box
     seen: BoolArray  # (n,) whether the last frame has a box
-    hidden: BoolArray  # (n,) whether another object hides it in the last frame
+    hidden: BoolArray  # (n,) whether another object hides the track in the last frame
 
     @classmethod
     def none(cls) -> Self:

@@ -19,27 +19,30 @@ from pyinfra.tracking import motion
 from pyinfra.tracking.occlusion import View
 from pyinfra.tracking.state import SAME, Boxes, Tracks, shared
 
-# Gate of a squared Mahalanobis distance: 99.9 % of the chi-squared distribution with two degrees.
+# Maximum squared Mahalanobis distance between a track and its box: the 99.9 % quantile of the
+# chi-squared distribution with two degrees of freedom.
 GATE = 13.8
-NEVER = 1e6  # cost of a pair outside the gate
-SURE = 0.5  # boxes with this score or more are assigned before the others
-SHARED = 0.1  # a box begins no track if a track's box covers more than this share of its area
-CLOSE_S = 0.2  # vehicles never follow each other at a shorter time gap
-# Boxes are lengthened by the distance driven in CLOSE_S; this share of their area may overlap.
+NEVER = 1e6  # cost of a track and a box outside the gate
+SURE = 0.5  # minimum score of boxes that are assigned before all other boxes
+SHARED = 0.1  # maximum share of a new track's box that another track's box covers
+CLOSE_S = 0.2  # minimum time gap between a vehicle and the vehicle that follows
+# Maximum overlap of two moving boxes that are lengthened by the distance driven in CLOSE_S, as a
+# share of the smaller area.
 CLOSE_SHARE = 0.15
-MOVES_M_S = 1.5  # from this speed on, a vehicle faces where it drives
-FAST_M_S = {"vehicle": 15.0, "person": 2.0}  # standard deviation of a new track's speed
+MOVES_M_S = 1.5  # minimum speed of a moving vehicle, whose heading is its direction of motion
+FAST_M_S = {"vehicle": 15.0, "person": 2.0}  # standard deviation of a new track's speed ahead
 SIDEWAYS_M_S = {"vehicle": 1.5, "person": 2.0}
 NOISE_M_S2 = {"vehicle": 1.5, "person": 1.0}  # standard deviation of the acceleration
 TURN_PER_S = 0.25  # standard deviation of a vehicle's lateral acceleration, divided by its speed
-OUTSIDE_S = 0.5  # replaces missed_s and hidden_s outside the region where vehicles are searched
-# Additional cost of a vehicle paired with a person, such as a motorcycle detected as a cyclist.
+OUTSIDE_S = 0.5  # time without a box after which a track outside the detector's region ends
+# Additional cost of a vehicle's track with a person's box, or the reverse. A motorcycle, for
+# example, may be detected as a cyclist.
 OTHER_KIND = 6.0
-MISSED = 0.5  # decrease of the log odds of a track in view in a frame without a box
+MISSED = 0.5  # decrease of a visible track's log odds in a frame without a box
 HEADING_SHARE = 0.2  # weight of a new box in the filtered heading
 SIZE_FRAMES = 30  # the size of a track is a mean over about this many boxes
-STEPS = 15  # the usual time between frames is the median of this many steps
-SKIPPED = 1.5  # frames are missing in a step that is longer than this multiple of the usual one
+STEPS = 15  # number of time steps whose median is the usual time between frames
+SKIPPED = 1.5  # multiple of the usual time between frames above which frames are missing
 
 
 @dataclass(frozen=True)
@@ -160,7 +163,8 @@ class Tracker:
     def _update(self, time_s: float, boxes: Boxes, track: IntArray, box: IntArray) -> None:
         """Corrects the tracks by their boxes. The other tracks miss a frame."""
         t, b = self.tracks, boxes.select(box)
-        # The centre of a box is uncertain if the box is too short or cut by the edge of the view.
+        # The centre of a box is uncertain if the box is shorter than the track or not wholly in
+        # the field of view.
         short = np.maximum(t.size[track, 0] - b.values[:, 3], 0) / 2
         cut = np.where(self.view.cut(b.values), b.values[:, 3] / 2, 0)
         partial = motion.axes(b.values[:, 6], np.maximum(short, cut), 0)
@@ -193,7 +197,7 @@ class Tracker:
         course = np.arctan2(t.state[track, 3], t.state[track, 2])
         agrees = np.cos(course - t.heading[track])
         fast = t.speed()[track] > MOVES_M_S
-        # Boxes and motion vote for the present direction; the motion has more weight.
+        # Boxes and motion decide whether the heading is kept or reversed. Motion has more weight.
         t.ahead[track] += np.where(flipped, -1, 1) * boxes.scores + np.where(fast, 3 * agrees, 0)
         t.ahead[track] = np.clip(t.ahead[track], -20, 20)
         back = track[t.ahead[track] < 0]

@@ -15,13 +15,13 @@ from pyinfra.scenes.generator.random_stream import RandomStream
 from pyinfra.scenes.generator.road_types import RoadType
 from pyinfra.scenes.generator.roadside_ranges import FurnitureRanges
 
-TRIES = 8  # positions that are tried for each piece
-GAP_M = 0.4  # free space around each piece
+TRIES = 8  # number of positions that are tried for each piece of furniture
+GAP_M = 0.4  # minimum gap around each piece of furniture
 VERGE_M = 1.5  # width of the strip beyond the footway in which furniture may also stand
 # Width of the strip beyond the footway in which groups of pedestrians may stand. The evaluation
 # region includes this strip.
 GROUP_VERGE_M = 6.0
-LANE_GAP_M = 0.3  # minimum gap between the carriageway and a piece
+LANE_GAP_M = 0.3  # minimum gap between the carriageway and a piece of furniture
 
 
 class Furniture:
@@ -33,7 +33,7 @@ class Furniture:
         self.placement, self.walks = placement, walks
         self.counts, self.how = road_type.furniture, how
         mount = placement.mount
-        self.placed = np.array([[mount["x_m"], mount["y_m"], 1.0]])  # x y radius
+        self.placed = np.array([[mount["x_m"], mount["y_m"], 1.0]])  # x y radius of placed objects
         self.groups: list[Keys] = []
 
     def add(self, road: PlannedRoad, seed: int) -> None:

@@ -53,7 +53,7 @@ def make_site(seed: int, ranges: Ranges = RANGES) -> Keys:
     roadside = Roadside(parking, road_type, ranges.things)
     for road in layout.roads:
         roadside.add(road, seed)
-    # These objects are placed last, so that other static objects do not depend on them.
+    # People and furniture are placed last, so that other static objects do not depend on them.
     walks = Walks(free_space, road_type, ranges.ways, placement.keys)
     if RandomStream(seed, "people").chance(ranges.ways.sites):
         for road in layout.roads:

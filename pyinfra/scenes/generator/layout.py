@@ -99,7 +99,7 @@ class PlannedRoad:
         """Returns the distances (n,) of points (n, 2) from the centreline, exact to 2 cm."""
         line = self._corners
         edge = line[1:] - line[:-1]
-        away = points[:, None] - line[:-1]  # (n, m - 1, 2)
+        away = points[:, None] - line[:-1]  # vectors (n, m - 1, 2) from line corners to points
         share = np.clip((away * edge).sum(2) / (edge**2).sum(1), 0, 1)
         gap = away - share[:, :, None] * edge
         return np.asarray(np.sqrt((gap**2).sum(2).min(1)))
@@ -304,7 +304,7 @@ class FreeSpace:
         for road in self.layout.roads:
             away = road.distance(points)
             if host is not None and road is host[0]:
-                # Points nearer to the centreline lie beside another part of a bend.
+                # Points nearer than host[1] to the centreline lie beside another part of a bend.
                 free &= away >= abs(host[1]) - 0.3
             else:
                 free &= away >= road.outer_half_m + margin_m + 0.3

@@ -12,7 +12,7 @@ from pyinfra.scenes.generator.roadside_ranges import ParkingRanges
 # slightly turned.
 KERB_ROW_M = 1.6
 KERB_REACH_M = 3.2  # distance from the lanes to the far sides of parked vehicles
-TRIES = 6  # positions that are tried for each car park
+TRIES = 6  # number of positions that are tried for each car park
 
 
 class Parking:
@@ -21,7 +21,7 @@ class Parking:
     def __init__(self, placement: Placement, road_type: RoadType, how: ParkingRanges) -> None:
         self.placement, self.road_type, self.how = placement, road_type, how
         self.free_space = placement.free_space
-        self.kerbs: set[tuple[str, int]] = set()  # road and side where cars are parked
+        self.kerbs: set[tuple[str, int]] = set()  # roads and sides with cars parked at the kerb
 
     def add(self, road: PlannedRoad, seed: int) -> None:
         """Adds parked vehicles on both sides of a road."""

@@ -6,8 +6,8 @@ from pyinfra.scenes.generator.layout import WHOLE, FreeSpace, Keys, PlannedRoad,
 
 KINDS = ("barriers", "gantries", "buildings", "vegetation", "parked")
 TRUNK_GAP_M = 3.0  # minimum distance from the sensor to the crowns of a row of trees
-BuildingSize = tuple[float, float, float]  # length, width, height
-Base = tuple[float, float, float, float]  # x, y, heading (rad), height of the base
+BuildingSize = tuple[float, float, float]  # length, width and height, metres
+Base = tuple[float, float, float, float]  # x, y, heading (rad) and z of an object's base
 
 
 class Placement:

@@ -54,7 +54,7 @@ class SkyRanges:
     rain: float = 0.15
     rain_mm_per_h: Range = (0.5, 20)
     night: float = 0.3
-    sunlight_klux: Range = (2, 100)  # from an overcast sky to full sun
+    sunlight_klux: Range = (2, 100)  # illuminance, from an overcast sky to full sun
     scan_labels: float = 0.5  # share of sites with label time `scan`; the others have `frame`
 
 
@@ -70,15 +70,15 @@ class Ranges:
     parking: ParkingRanges = field(default_factory=ParkingRanges)
     sky: SkyRanges = SkyRanges()
     ways: WayRanges = field(default_factory=WayRanges)
-    half_length_m: Range = (170, 260)  # half length of roads; the region has a half length of 100
-    crossing_deg: Range = (60, 120)  # the simulator allows 45 to 135
+    half_length_m: Range = (170, 260)  # half length of roads; that of the region is 100 m
+    crossing_deg: Range = (60, 120)  # angle between crossing roads; the simulator allows 45 to 135
     t_junctions: float = 0.35  # share of crossings that become T-junctions
     one_way: float = 0.15  # share of side roads of crossings that become one-way
-    # Some sites have much traffic of a class that is rare elsewhere: motorcycles or buses.
+    # Shares of sites with usual traffic, with many motorcycles, and with many buses.
     fleets: Weights = field(
         default_factory=lambda: {"as elsewhere": 0.75, "Motorcycle": 0.15, "Bus": 0.1}
     )
-    fleet_weight: Range = (0.4, 1.0)  # weight of the rare class; cars have weights of 0.5 to 0.95
+    fleet_weight: Range = (0.4, 1.0)  # weight of many motorcycles or buses; cars have 0.5 to 0.95
     roundabouts: float = 0.3  # share of crossings and T-junctions that become roundabouts
     ring: RingRanges = RingRanges()
     furniture: FurnitureRanges = field(default_factory=FurnitureRanges)

@@ -16,9 +16,9 @@ class WalkRanges:
     """Pedestrians or cyclists on one side of a road."""
 
     share: float  # share of road sides with a row of pedestrians or cyclists
-    per_km: Range  # number per km in both directions together; the simulator allows up to 60
+    per_km: Range  # people per km, both directions together; the simulator allows up to 60
     speed_km_h: Range  # mean speed
-    speed_spread: Range  # standard deviation relative to the mean, at most a third
+    speed_spread: Range  # standard deviation of speeds relative to the mean, at most a third
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,14 @@ class RoadType:
     embankment: float  # share of roads on an embankment, at sites without junctions
     embankment_m: Range  # depth of the embankment's foot below the road
     # Each field from `rail` to `posts` is the share of road sides with this object.
-    rail: float  # guard rail
+    rail: float  # share of road sides with a guard rail
     noise_wall: float
     hedge: float
     trees: float
     houses: float
-    posts: float  # sign posts and lamp posts
+    posts: float  # share of road sides with sign posts or lamp posts
     boxes: tuple[int, int]  # number of cabinets, shelters and containers, which resemble vehicles
-    wood: float  # share of roadsides with a wood, of those without houses
+    wood: float  # share of road sides with a wood, among sides without houses
     wild: tuple[int, int]  # number of single bushes and trees per side
     kerb_parking: float  # share of roads with a parking lane
     car_park: float  # share of road sides with a car park
@@ -74,10 +74,10 @@ _MANY = {
     "Cyclist": WalkRanges(share=0.6, per_km=(8, 60), **ON_BICYCLES),
 }
 
-# RAA states lanes of 3.5 to 3.75 m, shoulders up to 3 m, and radii from 280 m (EKA 3). Speeds range
-# from jams to free flow. On working days, up to a third of the vehicles are lorries. Most motorways
-# have guard rails on both sides and a median with a wall, rails or a hedge. A network that was not
-# trained with rails, walls and hedges mistakes them for vehicles.
+# The German guideline RAA specifies lanes of 3.5 to 3.75 m, shoulders up to 3 m, and radii from
+# 280 m (EKA 3). Speeds range from jams to free flow. On working days, up to a third of the vehicles
+# are lorries. Most motorways have guard rails on both sides, and a wall, rails or a hedge in the
+# median. A network that was trained without these objects mistakes them for vehicles.
 MOTORWAY = RoadType(
     layouts={"straight": 0.6, "curve": 0.4},
     each_way={2: 0.45, 3: 0.35, 4: 0.2},
@@ -118,9 +118,9 @@ MOTORWAY = RoadType(
     grade_percent=(0, 6),
 )
 
-# RAL states one lane each way, on some roads two, with a width of 3.25 to 3.5 m. The radii are
-# those of EKL 4 and of older roads. Ditches, trees and hedges are close to the road. Steep sections
-# have rails.
+# The German guideline RAL specifies one lane each way, on some roads two, with a width of 3.25 to
+# 3.5 m. The radii are those of EKL 4 and of older roads. Ditches, trees and hedges are close to the
+# road. Steep sections have rails.
 RURAL = RoadType(
     layouts={"straight": 0.4, "curve": 0.4, "crossing": 0.2},
     each_way={1: 0.75, 2: 0.25},
@@ -168,8 +168,9 @@ RURAL = RoadType(
     grade_percent=(0, 10),
 )
 
-# RASt states lanes of 2.75 to 3.5 m, footways from 1.5 m, and parking lanes of 2 m at the kerb.
-# Trees stand in rows, houses are close to the footway, and queues form at signals.
+# The German guideline RASt specifies lanes of 2.75 to 3.5 m, footways from 1.5 m, and parking lanes
+# of 2 m at the kerb. Trees stand in rows, houses are close to the footway, and queues form at
+# signals.
 STREET = RoadType(
     layouts={"straight": 0.25, "curve": 0.2, "crossing": 0.55},
     each_way={1: 0.4, 2: 0.45, 3: 0.15},

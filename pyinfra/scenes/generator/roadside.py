@@ -63,7 +63,7 @@ class Roadside:
             self._wood(stream, road, side, out_m)
         self._wild(RandomStream(seed, f"{part}wild"), road, side, out_m)
 
-    # --- in the middle and over the road ----------------------------------------------------------
+    # --- objects in the median and over the road --------------------------------------------------
 
     def _median(self, stream: RandomStream, road: PlannedRoad) -> None:
         things, median = self.things, road.keys["lanes"]["median_m"]
@@ -103,7 +103,7 @@ class Roadside:
         for left_m in (-reach, reach):
             self.free_space.take(box_at(road, s, left_m, (2, 3)))
 
-    # --- along a side -----------------------------------------------------------------------------
+    # --- objects along a side of the road ---------------------------------------------------------
 
     def _rail(self, stream: RandomStream, road: PlannedRoad, side: int) -> None:
         """Adds a guard rail at the edge of the shoulder, or between kerb and footway."""

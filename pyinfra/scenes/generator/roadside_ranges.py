@@ -15,20 +15,20 @@ class ThingRanges:
     """Sizes of roadside objects."""
 
     verge_m: Range = (0.4, 3.0)  # gap between successive rows of objects
-    rail_height_m: Range = (0.7, 0.9)  # common systems of EN 1317 have 0.75
-    wall_height_m: Range = (0.8, 1.15)  # New Jersey and step barriers have 0.81 to 1.1
+    rail_height_m: Range = (0.7, 0.9)  # height of guard rails; 0.75 is common in EN 1317
+    wall_height_m: Range = (0.8, 1.15)  # height of New Jersey and step barriers: 0.81 to 1.1 m
     wall_width_m: Range = (0.25, 0.6)
     rail_width_m: Range = (0.15, 0.35)
     rail_parts: float = 0.3  # share of rails that stand along only a part of the road
     rail_part_m: Range = (30, 150)  # length of the part that has a rail
-    part_within_m: Range = (-70, 70)  # middle of a part, from the station nearest to the focus
+    part_within_m: Range = (-70, 70)  # centre of an object along part of the road, from the focus
     noise_wall_m: Range = (2.0, 4.5)
     noise_wall_away_m: Range = (1, 5)
-    gantry_away_m: Range = (6, 90)  # distance along the road from the station nearest to the focus
+    gantry_away_m: Range = (6, 90)  # distance of a gantry from the station nearest to the focus
     clearance_m: Range = (4.7, 7)  # free height below gantries
     hedge_height_m: Range = (0.7, 3.0)
     hedge_width_m: Range = (0.5, 2.5)
-    hedge_density_per_m: Range = (0.5, 2.0)  # from sparse shrubs to clipped hedges
+    hedge_density_per_m: Range = (0.5, 2.0)  # density of hedges, from sparse to clipped
     hedge_parts: float = 0.4  # share of hedges that stand along only a part of the road
     hedge_part_m: Range = (8, 60)
     tree_every_m: Range = (6, 18)
@@ -55,9 +55,9 @@ class ThingRanges:
     house_gap_m: Range = (1, 25)
     house_setback_m: Range = (0.5, 12)
     post_every_m: Range = (18, 45)
-    post_height_m: Range = (2.5, 9)  # from sign posts to lamp posts
+    post_height_m: Range = (2.5, 9)  # height of posts, from sign posts to lamp posts
     post_width_m: Range = (0.1, 0.35)
-    post_away_m: Range = (0.45, 1.2)  # distance from the edge of the carriageway or of parked cars
+    post_away_m: Range = (0.45, 1.2)  # distance of posts from the carriageway or from parked cars
     box_length_m: Range = (0.6, 6.5)
     box_width_m: Range = (0.5, 2.6)
     box_height_m: Range = (0.9, 2.8)
@@ -72,12 +72,12 @@ class ThingRanges:
 class ParkingRanges:
     """Parked vehicles at kerbs and in car parks."""
 
-    lane_m: Range = (2.0, 2.6)  # width of parking lanes at the kerb; RASt states 2.0
+    lane_m: Range = (2.0, 2.6)  # width of parking lanes at the kerb; RASt specifies 2.0
     kerb_gap_m: Range = (0.7, 2.0)
     kerb_classes: Weights = field(
         default_factory=lambda: {"Car": 0.85, "Van": 0.12, "Motorcycle": 0.03}
     )
-    # Rows begin at most this far before the station nearest to the focus.
+    # Maximum distance from the start of a parked row to the station nearest to the focus.
     kerb_within_m: float = 130
     bay_gap_m: Range = (0.4, 0.9)  # gap between cars in bays of 2.5 m
     bay_turn_deg: Mapping[float, float] = field(
@@ -106,7 +106,7 @@ class WayRanges:
     """Rows of pedestrians and cyclists."""
 
     sites: float = 0.85  # share of sites with rows, among sites whose road type can have rows
-    within_m: float = 120  # maximum distance from the site's focus
+    within_m: float = 120  # maximum distance of rows from the site's focus
     verge_m: float = 3.0  # width of the strip beyond the footway that rows may use
     # Minimum length of a row. Pedestrians and cyclists appear and vanish at the ends of the row.
     shortest_m: float = 15.0
@@ -117,10 +117,10 @@ class FurnitureRanges:
     """Street furniture and standing groups. Sizes without a source are assumptions."""
 
     sites: float = 0.7  # share of sites with furniture
-    times: float = 1.0  # the road type's numbers of pieces are multiplied by this factor
-    within_m: float = 80  # maximum distance along the road from the station nearest to the focus
-    plate_m: Range = (0.4, 1.5)  # StVO has 0.42 to 0.9 m; signs at junctions are larger
-    plate_above_m: Range = (1.8, 3.0)  # StVO states 2.0 to 2.25 above footways
+    times: float = 1.0  # factor for the road type's numbers of pieces of furniture
+    within_m: float = 80  # maximum distance of furniture from the station nearest to the focus
+    plate_m: Range = (0.4, 1.5)  # sides of sign plates: 0.42 to 0.9 in StVO, larger at junctions
+    plate_above_m: Range = (1.8, 3.0)  # height below sign plates; StVO: 2.0 to 2.25 over footways
     plate_turn_deg: Mapping[float, float] = field(  # plates are across the road, or along it
         default_factory=lambda: {90.0: 0.8, 0.0: 0.2}
     )

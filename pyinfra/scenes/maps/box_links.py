@@ -8,9 +8,9 @@ from pyinfra.core.arrays import FloatArray, IntArray, NameArray
 # Maximum distance of a box from the predicted position, if the velocity of the track is known.
 _REACH_M = 3.0
 _FIRST_REACH_M_S = 40.0  # maximum speed from the first box of a track to the second box
-# A track without a box for longer than both of these has ended.
+# A track has ended if its last box is more than _LOST_S and more than _LOST_STEPS frames ago.
 _LOST_S, _LOST_STEPS = 0.35, 3.5
-_FAR = 1e6  # cost of a pair that is not allowed
+_FAR = 1e6  # cost of a track and a box that cannot belong to it
 
 
 def link(times: FloatArray, boxes: FloatArray, classes: NameArray, step_s: float = 0.1) -> IntArray:

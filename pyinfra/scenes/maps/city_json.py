@@ -109,7 +109,7 @@ def _triangles(where: str, surface: object, vertices: FloatArray) -> list[list[i
     corners = vertices[index[0]]
     normal = np.cross(corners - corners[0], np.roll(corners, -1, axis=0) - corners[0]).sum(axis=0)
     axis = int(np.abs(normal).argmax())
-    plane = [(axis + 1) % 3, (axis + 2) % 3]  # keeps the orientation seen from the positive side
+    plane = [(axis + 1) % 3, (axis + 2) % 3]  # this order of axes keeps the orientation
     flat = [vertices[ring][:, plane] for ring in index]
     number = {
         (x, y): int(k)

@@ -8,7 +8,7 @@ from pyinfra.scenes.maps.surfaces import paved_points
 CELL_M = 0.5  # side of the square cells in which heights of lanes are compared
 # Smallest height difference that is reported as an error. Even a steep road rises less in a cell.
 LEAST_M = 0.1
-BRIDGE_M = 2.0  # if the height difference is at least this, one lane is a bridge over the other
+BRIDGE_M = 2.0  # minimum height difference between a bridge and the lane below it
 
 
 def disagreements(lanes: list[MapLane]) -> list[str]:

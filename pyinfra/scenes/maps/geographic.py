@@ -36,7 +36,7 @@ class Motion:
 class Projection:
     """A transverse Mercator projection, and an offset that is added to its metres."""
 
-    centre: tuple[float, float]  # lon, lat
+    centre: tuple[float, float]  # longitude and latitude of the origin, degrees
     scale: float = 1.0
     offset_m: tuple[float, float] = (0.0, 0.0)
 
@@ -123,7 +123,7 @@ def network_projection(net_file: Path) -> Projection | None:
     Raises FormatError for a projection that is not a transverse Mercator, and OSError.
     """
     try:
-        with net_file.open("rb") as stream:  # `iterparse` closes a file only at its end
+        with net_file.open("rb") as stream:  # `iterparse` closes a file only if read to the end
             for _, node in ElementTree.iterparse(stream, events=("start",)):
                 if node.tag == "location":
                     words = node.get("projParameter", "!")

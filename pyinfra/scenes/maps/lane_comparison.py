@@ -9,14 +9,14 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.scenes.maps.lane_map import MapBody, MapLane
 from pyinfra.scenes.maps.surfaces import contains
 
-NEAR_M = 1.0  # largest distance of points of the same lane in both readers
-SAME_LEVEL_M = 2.0  # largest difference of heights of points of the same lane
+NEAR_M = 1.0  # maximum distance between the same lane in the map and in SUMO's network
+SAME_LEVEL_M = 2.0  # maximum height difference of the same lane in the map and in SUMO's network
 STEP_M = 1.0  # distance between points of a lane
-LEAST_M = 10.0  # shorter lanes, such as those of junctions, are not compared
-MOST_SHARE = 0.5  # share of a lane that has to be near lanes of the network
+LEAST_M = 10.0  # minimum length of compared lanes; lanes of junctions are often shorter
+MOST_SHARE = 0.5  # minimum share of a lane that must agree with SUMO's network
 MOST_LISTED = 50
 AGAINST = "against the network of SUMO"
-CLEARANCE_M = 2.5  # a body whose base is this much above a lane does not stand on it
+CLEARANCE_M = 2.5  # height above the terrain from which a body may hang over a lane
 
 
 def lane_differences(lanes: Sequence[MapLane], network: Sequence[MapLane]) -> list[str]:

@@ -15,7 +15,7 @@ from pyinfra.scenes.maps.tracks import Track
 LANES = "lanes.csv"
 ON_LANE_M = 3.0  # maximum distance of a vehicle from a point of a lane's centreline
 LEAST_ROWS = 20  # minimum number of positions on lanes from which a height is computed
-OFF_M = 0.4  # largest plausible median distance of the bottoms from the lanes
+OFF_M = 0.4  # largest plausible median distance of the vehicles' bottoms from the lanes
 
 
 def on_lanes(

@@ -33,10 +33,10 @@ class MapLane:
     """A lane or sidewalk between two borders, whose points follow the direction of travel."""
 
     name: str
-    kind: str  # road or sidewalk
+    kind: str  # kind of surface: road or sidewalk
     driveable: bool
-    left: FloatArray  # (n, 3), n >= 2
-    right: FloatArray  # (n, 3)
+    left: FloatArray  # left border (n, 3), n >= 2
+    right: FloatArray  # right border (n, 3)
     kerb_m: float = 0.0  # height of the surface above z of the borders
 
     @property
@@ -54,12 +54,12 @@ class MapLane:
 class MapBody:
     """A vertical prism on an outline, such as a building, a wall or a post."""
 
-    outline: FloatArray  # (n, 2), counter-clockwise, n >= 3
+    outline: FloatArray  # corners (n, 2), counter-clockwise, n >= 3
     height_m: float
     base_m: float | None = None  # z of the base; None if the body stands on the terrain
-    hangs: bool = False  # whether the space below its base is open
-    above_m: float = 0.0  # height of its base above the terrain, if base_m is None
-    name: str = ""  # name in the map
+    hangs: bool = False  # whether the space below the body is open
+    above_m: float = 0.0  # height of the base above the terrain, if base_m is None
+    name: str = ""  # name of the body in the map
 
 
 @dataclass(frozen=True)

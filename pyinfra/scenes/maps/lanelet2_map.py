@@ -22,7 +22,7 @@ from pyinfra.scenes.maps.surfaces import signed_area
 
 STEP_M = 2.0  # largest distance between points of a lane
 MOST_STEPS = 5000
-# Lanelets for vehicles; `road` is the default.
+# Subtypes of lanelets for vehicles; `road` is the default.
 DRIVEN = frozenset(("road", "lane", "highway", "play_street", "bus_lane", "emergency_lane", "exit"))
 WALKED = frozenset(("walkway", "shared_walkway", "stairs"))
 

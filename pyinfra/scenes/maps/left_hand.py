@@ -14,7 +14,7 @@ from pyinfra.core.files import write
 from pyinfra.scenes.maps.lane_map import MapError
 from pyinfra.scenes.maps.opendrive_geometry import read_root
 
-# Attributes whose sign changes, by the path of an element below a road.
+# Attributes whose sign changes in a mirrored map, by the path of an element below a road.
 SIGNS: dict[str, tuple[str, ...]] = {
     "planView/geometry": ("y", "hdg"),
     "planView/geometry/arc": ("curvature",),
@@ -31,7 +31,7 @@ SIGNS: dict[str, tuple[str, ...]] = {
     "objects/object": ("t", "hdg"),
 }
 OTHER_SIDE = {"left": "right", "right": "left"}
-TURNS = str.maketrans("lrLR", "rlRL")  # directions of connections
+TURNS = str.maketrans("lrLR", "rlRL")  # swaps left and right in the directions of connections
 
 
 def has_left_hand_traffic(file: Path) -> bool:

@@ -99,7 +99,7 @@ def unpacked(file: Path, kind: str, scratch: Path) -> Path:
                         f"{file}: expected up to {LONGEST_BYTES} bytes after unpacking, got more"
                     )
     except (EOFError, zlib.error, OSError) as error:
-        if isinstance(error, OSError) and error.errno is not None:  # for example a full disk
+        if isinstance(error, OSError) and error.errno is not None:  # OS error such as a full disk
             raise OSError(error.errno, os.strerror(error.errno), str(out)) from error
         raise MapError(f"{file}: cannot be unpacked: {error}") from error
     return out

@@ -40,13 +40,14 @@ RADIUS_M = 1000.0  # default radius of the imported area
 class ImportOptions:
     """Options of a map import."""
 
-    # x, y in the frame of the map. For OpenStreetMap, longitude and latitude in either order.
+    # Centre of the imported area: x, y in the frame of the map, or for OpenStreetMap, longitude and
+    # latitude in either order.
     centre: tuple[float, float] | None = None
     radius_m: float = RADIUS_M
     mount: tuple[float, float, float, float] | None = None  # x, y, z, yaw_deg in the site's frame
     duration_s: float = 500.0
     region_half_length_m: float = 100.0
-    # Side of the road on which vehicles drive. Only OpenStreetMap does not state it.
+    # Side of the road on which vehicles drive. Only OpenStreetMap files do not state the side.
     traffic_side: openstreetmap.Side | None = None
 
 

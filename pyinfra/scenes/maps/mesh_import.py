@@ -16,7 +16,7 @@ from pyinfra.scenes.maps import city_json
 from pyinfra.scenes.maps.site_folder import SCENE, feet
 
 ENDINGS = (".obj", ".glb", ".gltf", ".stl", ".ply", *city_json.ENDINGS)
-UPWARDS_Y = (".glb", ".gltf")  # glTF defines y as up
+UPWARDS_Y = (".glb", ".gltf")  # formats whose upward axis is y, as glTF defines
 MATERIALS = ("road", "sidewalk", "terrain", "structure", "vegetation")
 WIDEST_M = 10_000.0  # maximum extent of a mesh
 FARTHEST_M = 1_000.0  # maximum distance of a mesh from a mount

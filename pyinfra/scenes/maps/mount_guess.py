@@ -16,8 +16,8 @@ from pyinfra.scenes.maps.lane_map import MapLane, SiteMap
 from pyinfra.scenes.maps.surfaces import contains
 
 HEIGHT_M = 6.0  # height of the sensor above the road
-NEAREST_M, FARTHEST_M = 12.0, 80.0  # minimum and maximum distance from the junction's middle
-CLEAR_M = 1.0  # minimum distance from lane edges and buildings
+NEAREST_M, FARTHEST_M = 12.0, 80.0  # minimum and maximum distance of the pole from the junction
+CLEAR_M = 1.0  # minimum distance of the pole from lane edges and buildings
 CLEAR_OF_TREES_M = 5.0
 SEEN_M, SEEN_DEG = 100.0, 70.0  # range and width of the field of view for choosing the yaw
 YAW_STEP_DEG = 5.0
@@ -119,9 +119,9 @@ def _clear_position(
 class _Strips:
     """Segments of lane centrelines, and the minimum distance of a free position from each."""
 
-    start: FloatArray  # (n, 2)
-    end: FloatArray  # (n, 2)
-    clear: FloatArray  # (n,)
+    start: FloatArray  # start points (n, 2)
+    end: FloatArray  # end points (n, 2)
+    clear: FloatArray  # minimum distances (n,), metres
 
     @staticmethod
     def of(lanes: list[MapLane]) -> _Strips:

@@ -34,8 +34,8 @@ def without_sidewalk(edges: Sequence[str], file: Path) -> list[str]:
     return ["-c", str(file), "--osm.sidewalks"]
 
 
-# Options that make networks better, and that netconvert can do without. If netconvert crashes, it
-# runs again without one of them.
+# Options that improve networks but are not necessary. If netconvert crashes, the program runs again
+# without one of these options.
 OPTIONAL = (
     *("--junctions.join", "--opendrive.internal-shapes", "--crossings.guess", "--ramps.guess"),
     *("--roundabouts.guess", "--tls.join", "--geometry.remove"),
@@ -59,7 +59,7 @@ def netconvert(source: Path, arguments: Sequence[str], out: Path) -> list[str]:
             f"{source}: expected a network from netconvert of SUMO, got none; use another version "
             "of SUMO"
         )
-    # Comments have the date, and paths of this machine.
+    # netconvert writes comments with the date and local paths, which are removed here.
     write(out, re.sub(r"<!--.*?-->\s*", "", out.read_text(encoding="utf-8"), flags=re.DOTALL))
     return warnings
 

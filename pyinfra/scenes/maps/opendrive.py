@@ -35,7 +35,7 @@ from pyinfra.scenes.maps.opendrive_objects import read_objects
 from pyinfra.scenes.maps.opendrive_unread import unread_elements
 
 STEP_M = 1.0  # distance between samples of a road that bends
-STRAIGHT_STEP_M = 4.0  # distance between samples of any other road
+STRAIGHT_STEP_M = 4.0  # distance between samples of a straight road
 LENGTHS_APART = 0.01  # relative difference of two lengths that counts as rounding
 KERB_M = 0.15  # default height of sidewalks above the road
 DRIVEN = frozenset(
@@ -137,10 +137,10 @@ class Piece:
     id: int
     type: str
     kerb_m: float
-    inner: FloatArray  # (n, 3)
-    outer: FloatArray  # (n, 3)
+    inner: FloatArray  # inner border (n, 3)
+    outer: FloatArray  # outer border (n, 3)
     successor: int | None
-    is_reversed: bool  # whether traffic runs against the usual direction of the side (1.8)
+    is_reversed: bool  # whether traffic is against the side's usual direction (OpenDRIVE 1.8)
 
 
 def _holds(section: Element, side: str) -> bool:

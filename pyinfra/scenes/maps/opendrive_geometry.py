@@ -45,8 +45,8 @@ class Cubics:
     Without pieces, the value is 0.
     """
 
-    starts: FloatArray  # (n,) increasing
-    coefficients: FloatArray  # (n, 4)
+    starts: FloatArray  # start of each piece (n,), increasing
+    coefficients: FloatArray  # a, b, c, d of each piece (n, 4)
 
     def at(self, s: FloatArray) -> FloatArray:
         """Returns the values (n,) at s (n,)."""
@@ -79,7 +79,7 @@ class ReferenceLine:
     """A road's reference line. Beyond its ends, the first and last piece are extended."""
 
     starts: FloatArray
-    poses: FloatArray  # (n, 3) x y heading
+    poses: FloatArray  # (n, 3) x y heading at the start of each piece
     pieces: tuple[Line, ...]
     length: float
     bent: bool
@@ -147,7 +147,7 @@ def _piece(node: Element, road: str | None) -> Line:
     if shape.tag == "spiral":
         return _spiral(number(shape, "curvStart"), number(shape, "curvEnd"), max(length, 1e-9))
     if shape.tag == "poly3":
-        # The curve ends at the arc length, where u is smaller.
+        # The curve ends where its arc length is `length`. Its u is smaller there.
         return _along({"aV": [number(shape, k) for k in "abcd"], "aU": [0, 1, 0, 0]}, length)
     if shape.tag == "paramPoly3":
         sides = {f"a{k}": [number(shape, f"{c}{k}", 0.0) for c in "abcd"] for k in "UV"}

@@ -18,7 +18,7 @@ from pyinfra.scenes.maps.opendrive_geometry import (
 WAY_M = 0.05
 # Shapes with a smaller curvature become lines, because netconvert divides by the curvature.
 LEAST_CURVATURE = 1e-9
-JUNCTIONS = frozenset({"default", ""})  # junctions of other types are removed
+JUNCTIONS = frozenset({"default", ""})  # types of junctions that netconvert can read
 
 
 def mended_for_netconvert(file: Path, out: Path) -> tuple[Path, list[str]]:

@@ -77,13 +77,13 @@ def _read_object(road: OpenDriveRoad, node: Element, site_map: SiteMap) -> None:
     def leave_out(why: str) -> None:
         site_map.not_understood.append(f"{where}: {why}")
 
-    if type_ == "crosswalk":  # a marking without height
+    if type_ == "crosswalk":  # a crosswalk is a marking without height
         x, y, _ = road.positions(np.array([s]), np.array([t]))[0].tolist()
         name = f"road {road.id}: object {node.get('id')}"
         site_map.features.append(MapFeature("crossing", name, x, y))
         return
     if _is_mark(node):
-        return  # read_objects counts these objects
+        return  # read_objects counts objects that are road marks
     if type_ in PAINT or type_ in MOVERS:
         leave_out(f"type {type_!r}, name {node.get('name')!r}: left out")
         return
@@ -120,7 +120,7 @@ def _read_plants(
 ) -> None:
     for copy, (at_s, at_t) in _copies(node, repeats):
         if copy is not None and number(copy, "distance", 0.0) == 0:
-            site_map.bodies += _wall(road, node, copy)  # a hedge
+            site_map.bodies += _wall(road, node, copy)  # a continuous row of plants is a hedge
             continue
         height, base = _of(copy, node, "height", at_s), _of(copy, node, "zOffset", at_s)
         x, y, z = road.positions(np.array([at_s]), np.array([at_t]))[0].tolist()

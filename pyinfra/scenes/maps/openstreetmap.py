@@ -18,7 +18,7 @@ from pyinfra.scenes.maps.lane_map import MapError
 from pyinfra.scenes.maps.map_file import opened
 
 BESIDE_DEG = 0.05  # maximum distance of a centre from the map's roads
-_FLATTENING = 1 / 298.257223563  # WGS 84
+_FLATTENING = 1 / 298.257223563  # flattening of the WGS 84 ellipsoid
 _RADIUS_M = 6378137.0
 
 
@@ -86,11 +86,11 @@ class StreetMap:
     houses: list[tuple[str, list[str], dict[str, str]]] = field(default_factory=list)
     multipolygons: list[Multipolygon] = field(default_factory=list)
     outlines: dict[str, list[str]] = field(default_factory=dict)  # node ids of ways without traffic
-    trees: list[tuple[str, dict[str, str]]] = field(default_factory=list)  # node ids and tags
+    trees: list[tuple[str, dict[str, str]]] = field(default_factory=list)  # id and tags of trees
     ways: list[Way] = field(default_factory=list)
     # Ids and tags of nodes with street features, such as stops and signals.
     things: list[tuple[str, dict[str, str]]] = field(default_factory=list)
-    lines: list[Way] = field(default_factory=list)  # platforms
+    lines: list[Way] = field(default_factory=list)  # ways of platforms
     others: list[str] = field(default_factory=list)  # texts about ignored elements
     with_heights: set[str] = field(default_factory=set)  # ids of nodes with a number as `ele`
     ignores_heights: bool = False  # whether only some nodes of the ways have heights

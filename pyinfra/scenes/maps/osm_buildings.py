@@ -26,7 +26,7 @@ ROOFS = frozenset({"roof", "canopy", "carport"})
 SLAB_M = 0.5  # thickness of a roof
 PASSAGE_HEIGHT_M = 4.5  # clearance of a passage without a stated height
 LANE_M = 3.5  # width of a lane of a passage
-BESIDE_M = 1.0  # space on each side of the lanes
+BESIDE_M = 1.0  # space on each side of the lanes of a passage
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Passage:
     """A road through a building."""
 
     name: str
-    line: FloatArray  # (n, 2)
+    line: FloatArray  # centreline (n, 2)
     half_width_m: float
     height_m: float
 

@@ -14,7 +14,8 @@ from pyinfra.scenes.maps.openstreetmap import StreetMap, Way
 
 MOST_LISTED = 50
 SIDED = re.compile(r"(sidewalk|cycleway|busway|footway)(:|$)")
-LANE = re.compile(r"lane_(-?)(\d+)((?:_\d+)?)_\d+")  # direction, way, part of the way, lane
+# Name of a lane in SUMO's network: sign of the direction, way, part of the way, and lane.
+LANE = re.compile(r"lane_(-?)(\d+)((?:_\d+)?)_\d+")
 BUS_LANES = re.compile(r"(lanes:(bus|psv)|(bus|psv):lanes|busway)(:|$)")
 
 
@@ -61,7 +62,7 @@ def _differences(way: Way, by_direction: Sequence[set[int]]) -> Iterator[str]:
     stated = _whole(way.tags.get("lanes", ""))
     is_oneway = way.tags.get("oneway", "no") != "no"
     if stated is not None and any("opposite" in v for k, v in way.tags.items() if "busway" in k):
-        stated += 1  # `lanes` seldom counts this lane
+        stated += 1  # the tag `lanes` seldom counts an opposite bus lane
     if len(by_direction) < 2 - is_oneway:
         stated = None  # netconvert joined the other direction to another way
     low, high = (sum(map(of, by_direction)) for of in (min, max))
@@ -73,7 +74,7 @@ def _differences(way: Way, by_direction: Sequence[set[int]]) -> Iterator[str]:
     if _whole(way.tags.get("lanes:both_ways", "")):
         yield "a lane for turns from both directions is a lane of one direction in the network"
     bus = sorted(key for key, value in way.tags.items() if BUS_LANES.match(key) and _is_bus(value))
-    # The network has lanes for buses against a one-way street.
+    # Bus lanes against a one-way street are also in the network, so they are not reported.
     bus = [key for key in bus if not (is_oneway and key.endswith("backward"))]
     if bus and not any("opposite" in way.tags[key] for key in bus):
         yield f"a bus lane ({bus[0]}), which is a lane for all vehicles in the network"

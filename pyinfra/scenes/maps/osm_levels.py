@@ -27,7 +27,7 @@ from pyinfra.scenes.maps.osm_lanes import swap_sides
 from pyinfra.scenes.maps.ramps import CLEARANCE_M, RAMP_M, ramp_shares
 from pyinfra.scenes.maps.surfaces import side_of
 
-LEAST_M = 4.5  # a crossing with a smaller height difference is reported
+LEAST_M = 4.5  # height difference below which a crossing is reported
 STEP_M = 15.0  # distance between the nodes of a ramp
 NO_ROADS = frozenset("proposed construction planned abandoned razed disused platform".split())
 APART_M = 3.0  # minimum distance between an added node and a crossing
@@ -39,8 +39,8 @@ _ROUNDS = 8  # maximum number of iterations
 class Levels:
     """The heights of nodes, and the nodes added for ramps."""
 
-    heights: dict[str, float] = field(default_factory=dict)  # by node id; without heights of 0
-    places: dict[str, tuple[float, float]] = field(default_factory=dict)  # lon, lat by added id
+    heights: dict[str, float] = field(default_factory=dict)  # height by node id, unless it is 0
+    places: dict[str, tuple[float, float]] = field(default_factory=dict)  # lon, lat of added nodes
     ways: dict[str, list[str]] = field(default_factory=dict)  # node ids by id of a changed way
     crossings: int = 0  # number of crossings with enough clearance
     flat: list[str] = field(default_factory=list)  # texts about crossings with too little clearance

@@ -90,7 +90,7 @@ def with_holes(outline: FloatArray, holes: Sequence[FloatArray]) -> FloatArray:
     return outline
 
 
-MOST_CUTS = 200  # cuts that are tried for a hole, the shortest first
+MOST_CUTS = 200  # maximum number of cuts that are tried for a hole, the shortest first
 
 
 def _cuts(ring: FloatArray, start: FloatArray, end: FloatArray) -> bool:

@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable
 
 CLEARANCE_M = 6.0  # intended height difference between the surfaces of crossing roads
-RAMP_M = 150.0  # length of a ramp over CLEARANCE_M; its steepest grade is 6 %
+RAMP_M = 150.0  # length of a ramp that rises by CLEARANCE_M; its steepest grade is 6 %
 
 
 def ramp_shares(

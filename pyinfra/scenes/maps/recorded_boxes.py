@@ -21,7 +21,7 @@ from pyinfra.scenes.maps.tracks import CLASSES
 MOST_OBJECTS = 100_000
 _NEEDED = ("x", "y", "heading", "dx", "dy", "class")
 _COLUMNS = (*_NEEDED, "z", "dz", "t", "frame", "id")
-# Names of columns in public data sets of tracks: inD and its relatives, and INTERACTION.
+# Names of columns in public data sets of tracks: inD, related data sets, and INTERACTION.
 _KNOWN = {
     "x": ("xCenter", "center_x"),
     "y": ("yCenter", "center_y"),
@@ -62,7 +62,7 @@ class BoxTrack:
     object_class: str
     times: FloatArray
     boxes: FloatArray
-    has_mean_size: bool = False  # whether length and width are those of the class, not 0
+    has_mean_size: bool = False  # whether length and width, 0 in the file, are means of the class
 
 
 def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:

@@ -109,7 +109,7 @@ def check_metres(site: Path, xy: FloatArray, where: str) -> None:
     """
     try:
         known = projection(site)
-    except FormatError:  # geographic.py does not know this kind of projection
+    except FormatError:  # geographic.py does not support this kind of projection
         return
     metres = metres_of_degrees(xy, known)
     if metres is not None:

@@ -19,8 +19,8 @@ from pyinfra.scenes.maps.traffic_demand import Demand
 from pyinfra.scenes.maps.traffic_figures import report_lines
 from pyinfra.scenes.maps.trajectory_file import NAME, write_trajectories
 
-RECORD = "traffic.yaml"  # the arguments of the simulation that wrote the trajectories
-DRIVEN = "vehicles_per_hour_driven"  # key of the record
+RECORD = "traffic.yaml"  # file with the arguments of the simulation that wrote the trajectories
+DRIVEN = "vehicles_per_hour_driven"  # key in traffic.yaml of the simulated vehicles per hour
 LEAST_SHARE = 0.8  # if a smaller share of the requested vehicles drives, the network is full
 NO_VEHICLES = ("Pedestrian", "Cyclist")
 

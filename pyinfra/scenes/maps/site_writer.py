@@ -17,9 +17,9 @@ from pyinfra.scenes.maps.mount_guess import Pole
 from pyinfra.scenes.maps.site_folder import SCENE
 from pyinfra.scenes.maps.surfaces import Sheet
 
-CLEARANCE_M = 4.5  # height above a lane that vehicles need, as in the rules of scenes
-# Up to this distance of a tree's foot from a lane, the crown (default: 5 m wide) or the trunk
-# overlaps the lane. The rules of scenes use square outlines of crowns.
+CLEARANCE_M = 4.5  # minimum free height above a lane, as in the simulator
+# Distances of a tree's foot from a lane below which the crown (default: 5 m wide) or the trunk
+# overlaps the lane. The simulator checks the square outlines of crowns.
 CROWN_M, TRUNK_M = 2.5 * 2**0.5, 0.3
 # Material of each mesh. A mesh that is not listed has the material of its own name.
 MATERIALS = {"buildings": "structure"}
@@ -65,7 +65,7 @@ def trees_beside_lanes(site_map: SiteMap, terrain: Sheet) -> list[dict[str, floa
     are added to `mended` of the map.
     """
     lanes = [lane for lane in site_map.lanes if lane.driveable]
-    start = np.concatenate([lane.centre[:-1] for lane in lanes])  # (n, 3) of segments
+    start = np.concatenate([lane.centre[:-1] for lane in lanes])  # start points (n, 3) of segments
     step = np.concatenate([np.diff(lane.centre, axis=0) for lane in lanes])
     length2 = np.maximum((step[:, :2] ** 2).sum(1), 1e-9)
     half = np.concatenate([np.maximum(lane.width[:-1], lane.width[1:]) / 2 for lane in lanes])

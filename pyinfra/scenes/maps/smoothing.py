@@ -16,10 +16,10 @@ from pyinfra.scenes.maps.tracks import HEADING, STEP_S, FrontPath, Track, wrap
 
 MAX_TURN_DEG = 5.0  # maximum change of heading per 0.1 s
 MAX_ACCELERATION_M_S2 = 8.0  # maximum acceleration of the box centre, over 0.3 s
-_OVER = 3  # number of instants of 0.1 s between the positions that give an acceleration
-_AVERAGE_S = (0.4, 0.6, 0.9, 1.3, 2.0)  # standard deviations of the averaging, in order of trial
+_OVER = 3  # number of steps of 0.1 s between the positions from which accelerations are computed
+_AVERAGE_S = (0.4, 0.6, 0.9, 1.3, 2.0)  # standard deviations of the averaging, tried in this order
 _JUMP_M = 0.3  # deviation from the mean of the neighbouring steps that counts as a jump
-_SPREAD_S = 3.0  # duration of a lane change
+_SPREAD_S = 3.0  # duration of a lane change, over which a jump is spread
 # Overhang and wheelbase relative to the length, as for many cars and lorries.
 _OVERHANG, _WHEELBASE = 0.2, 0.6
 # Maximum turn per step. The limit is needed because pedestrians turn on the spot.
@@ -90,7 +90,7 @@ def spread_jumps(points: FloatArray) -> FloatArray:
     for k in map(int, jumps):
         near = [np.linalg.norm(extra[i]) for i in (k - 2, k) if 0 <= i < len(extra)]
         if np.linalg.norm(extra[k - 1]) < max(near):
-            continue  # a larger jump in the neighbouring step causes this one
+            continue  # a larger jump in a neighbouring step causes this deviation
         around = np.arange(max(0, k + 1 - half), min(len(points), k + 1 + half))
         u = np.clip((around - k - 0.5) / (2 * half) + 0.5, 0, 1)
         ramp = u * u * u * (u * (6 * u - 15) + 10) - (around > k)

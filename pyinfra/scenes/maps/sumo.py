@@ -28,7 +28,7 @@ def sumo_folder() -> Path:
     return Path(spec.submodule_search_locations[0])
 
 
-CRASHED = 128  # larger exit codes are those of signals
+CRASHED = 128  # exit codes above this mean that a signal ended the program
 # Options that name output files, and the text at the end of a complete file.
 _OUTPUTS = {"--output-file": b"</net>", "--fcd-output": b"</fcd-export>"}
 _FILES = {
@@ -53,7 +53,7 @@ def run_tool(name: str, arguments: Sequence[str], *, longest_s: float | None = N
             errors="replace",
             timeout=longest_s,
             cwd=work,
-            # A locale that is not installed would cause a warning.
+            # SUMO would print a warning if the user's locale were not installed.
             env={**os.environ, "SUMO_HOME": str(home), "LC_ALL": "C.UTF-8"},
             check=False,
         )

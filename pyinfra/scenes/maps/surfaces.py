@@ -186,9 +186,10 @@ def ears(outline: FloatArray) -> IntArray:
                 continue
             corners = outline[[a, b, c]]
             others = outline[[i for i in left if i not in (a, b, c)]]
-            # The ends of a cut to a hole are twice in the outline.
+            # The ends of a cut to a hole occur twice in the outline.
             others = others[~(others[:, None] == corners).all(2).any(1)]
-            sides = side_of(corners, np.roll(corners, -1, axis=0), others[:, None])  # (n, 3)
+            # Signs (n, 3) state on which side of each triangle edge the other corners lie.
+            sides = side_of(corners, np.roll(corners, -1, axis=0), others[:, None])
             if not (sides >= 0).all(1).any():
                 break
         else:  # the remaining polygon has no area

@@ -88,10 +88,10 @@ class Track:
 class TrackTable:
     """The rows of all tracks, sorted by instant, then by track."""
 
-    instant: IntArray  # (n,)
+    instant: IntArray  # (n,) instant of each row, in steps of 0.1 s
     track: IntArray  # (n,) index of the track
-    boxes: FloatArray  # (n, 7)
-    states: FloatArray  # (n, 6)
+    boxes: FloatArray  # (n, 7) x y z dx dy dz heading
+    states: FloatArray  # (n, 6) rows of `Track.states`
 
 
 def from_zero(tracks: list[Track]) -> list[Track]:

@@ -15,7 +15,7 @@ from pyinfra.scenes.maps.smoothing import accelerations, turns_deg
 from pyinfra.scenes.maps.tracks import Track, TrackTable, table, wrap
 
 REGION_M = 100.0  # radius of the region around a mount's foot
-_NEIGHBOURS_M = 30.0  # maximum distance between the boxes of a pair
+_NEIGHBOURS_M = 30.0  # maximum distance between two boxes that are checked for overlap
 _TOUCH_M = 0.001  # boxes are shrunk by this length, so that touching boxes do not overlap
 _AT_ONCE = 500  # number of instants per batch, including those halfway between two instants
 MAX_OVERLAP_SHARE = 0.001  # maximum allowed `overlap_share`

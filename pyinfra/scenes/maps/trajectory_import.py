@@ -23,12 +23,12 @@ from pyinfra.scenes.maps.smoothing import smooth, unsmoothed, within_limits
 from pyinfra.scenes.maps.tracks import CLASSES, STEP_S, FrontPath, Track, from_zero
 
 FILLED_S = 1.0  # gaps up to this length are filled; longer gaps split a track
-_FASTEST_M_S = 70.0  # a faster step is a change to another object, or a jump of the clock
+_FASTEST_M_S = 70.0  # maximum plausible speed; faster steps are clock jumps or other objects
 _SHORTEST_S = 1.0  # minimum duration of a track
 _SAME_SIZE_M = 0.05  # larger variations of an object's size are reported
 _LONGEST_S = 7200.0  # maximum duration of a recording
 _SIDEWAYS_DEG = 30.0  # largest plausible median angle between headings and motion
-_LEAST_STEPS = 20  # minimum number of movements from which this angle is computed
+_LEAST_STEPS = 20  # minimum number of movements from which the median angle is computed
 _MOVED_M = 0.5  # minimum movement from which a heading is derived
 
 # Maps class names of this package, SUMO's classes and SUMO's default types to classes of this
