@@ -30,7 +30,7 @@ COLUMNS = [
     "case", "option", "chosen", "lidars", "poles", "price_usd",
     "recall", "recall_low", "recall_high", "change", "change_low", "change_high", "source",
 ]  # fmt: skip
-RAIN_MM_PER_H = 25.0  # heavy rain
+RAIN_MM_PER_H = 25.0  # rate of heavy rain
 RAIN = f"rain {RAIN_MM_PER_H:g} mm/h"
 IN_RAIN = {"weather.rain_mm_per_h": RAIN_MM_PER_H}
 RAIN_FRAMES = 24
@@ -59,7 +59,7 @@ PRICES: dict[str, tuple[bool, tuple[str, ...]]] = {
 class Move:
     """The choice with other prices; None if no option is within the budget then."""
 
-    prices: str  # a key of PRICES
+    prices: str  # group of changed prices, a key of PRICES
     percent: int
     choice: Choice | None
 
@@ -73,7 +73,8 @@ class Case:
     scene: Mapping[str, object] = field(default_factory=dict)
     lost: int | None = None  # number of a LiDAR that fails
     yaw_error_deg: float = 0.0
-    without: tuple[float, float] | None = None  # x y; objects within LORRY_M are left out
+    # position x, y of a lorry; objects within LORRY_M of the position are left out
+    without: tuple[float, float] | None = None
 
 
 def cases_of(site: PlanSite, parts: Parts) -> list[Case]:

@@ -24,9 +24,9 @@ from pyinfra.scenes.maps.map_file import FORMATS, PACKED
 from pyinfra.scenes.maps.network import read_network
 from pyinfra.scenes.maps.site_folder import NET, check_metres, scene_of
 
-LEAST_TO_SPLIT = 6  # with fewer frames of recorded traffic, each purpose uses all frames
-NEAR_M = 80.0  # a map's junction within this distance of the mount is the centre
-PATTERN_FRAMES = 200  # frames after which the prisms of the Livox LiDARs repeat
+LEAST_TO_SPLIT = 6  # minimum number of recorded frames that are divided between choice and check
+NEAR_M = 80.0  # maximum distance from the mount to a map's junction that becomes the centre
+PATTERN_FRAMES = 200  # number of frames after which the Livox scan patterns repeat
 GOLDEN = (math.sqrt(5) - 1) / 2
 
 
