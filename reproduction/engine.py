@@ -328,7 +328,7 @@ def run(
         if together:
             pool.call_all(run_part, together, workers)
         for part in left:
-            run_part(part)  # measures times alone, after the other parts have run
+            run_part(part)  # runs parts that measure times, after all other parts
         failed += [part for part in left if not part.done.is_file()]
         for step in stale:
             if all(part.done.is_file() for part in parts[step]):

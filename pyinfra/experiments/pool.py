@@ -17,8 +17,7 @@ Task = TypeVar("Task")
 Progress = Callable[[str], None]
 Backend = Literal["local", "dask"]
 BACKENDS: tuple[Backend, ...] = get_args(Backend)
-# A cluster that this module starts listens on this address only, because a cluster runs code from
-# any sender.
+# A cluster of this module listens on LOOPBACK only, because a cluster runs code of any sender.
 LOOPBACK = "127.0.0.1"
 
 

@@ -62,7 +62,7 @@ def number(name: str, frame: int) -> int:
 def trajectories() -> Iterator[str]:
     yield "t,id,class,x,y,z,heading,dx,dy,dz,speed"
     for k in range(FRAMES + 1):
-        for frame in (k - 1, k):  # the frames that end and begin at this instant
+        for frame in (k - 1, k):  # frame that ends, and frame that begins, at instant k
             if 0 <= frame < FRAMES:
                 for name in SIZES:
                     yield f"{k / 10},{number(name, frame)},{name},{state(name, k)}"

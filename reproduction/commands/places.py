@@ -35,7 +35,7 @@ FRAMES = "0:5000:47"
 LIDARS = ("hesai_xt32", "hesai_ot128")
 CORNER = {"pole.x_m": -11.5, "pole.y_m": -11.5}
 ACROSS = {"across.x_m": 11.5, "across.y_m": 11.5, "across.z_m": 6}
-RUNS = {  # by run: changed keys of the mounts, and the folder of each position
+RUNS = {  # changed keys of the mounts, and the folder of each position, by run
     "back": ({}, {"back": "."}),
     "4m": (CORNER | {"pole.z_m": 4}, {"4m": "."}),
     "8m": (CORNER | {"pole.z_m": 8}, {"8m": "."}),

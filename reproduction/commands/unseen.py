@@ -131,7 +131,7 @@ class Parts:
         return Boxes(slot, scores, right, self.objects, self.frames)
 
 
-Key = tuple[str, int, str, str]  # condition, model, kind of object, measure
+Key = tuple[str, int, str, str]  # condition, model, kind of object and measure of a result
 
 
 def scored_boxes(

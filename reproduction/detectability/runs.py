@@ -53,7 +53,7 @@ class Run:
     site: int
     pose: int
     lidar: str
-    seed: int = 0  # 0 for the site's own traffic
+    seed: int = 0  # traffic seed; 0 for the site's own traffic
     detect: bool = True  # whether detectors run; if not, only what the LiDAR sees is stored
 
     @property
@@ -70,7 +70,7 @@ class Outcome:
     """
 
     objects: pd.DataFrame
-    spinning: bool  # whether the LiDAR spins
+    spinning: bool
     frames: int
     ap: dict[str, float]  # AP of the vehicles, by detector
     false: dict[str, FloatArray]  # scores of false vehicle boxes, by detector

@@ -42,7 +42,7 @@ class Setting:
     effort: Effort
     law: Detectability
     costs: Costs
-    poses: pd.DataFrame  # possible poses of the LiDARs
+    poses: pd.DataFrame
     lidars: Sequence[PlanLidar]  # LiDARs within the budget
 
 

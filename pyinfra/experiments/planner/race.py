@@ -60,7 +60,7 @@ def race(setting: Setting, possible: BoolArray) -> Observed:
         limited = limit(stay, pairs, request.most, end) | always
         pairs.loc[stay & ~limited, "left_out"] = f"over the limit of pairs after {end} frames"
         alive = limited
-    number = np.cumsum(alive) - 1  # number of each pair among those that stayed
+    number = np.cumsum(alive) - 1  # new number of each remaining pair
     seen = seen[alive[seen.pair]].assign(pair=lambda t: number[t.pair]).reset_index(drop=True)
     return Observed(pairs, seen, objects)
 

@@ -100,10 +100,10 @@ class Effort:
     """What a plan computes after its search, and how."""
 
     check_frames: int = 30  # frames in which the best options are simulated in full; 0 for none
-    count: float | None = None  # share of the passages that option 1 must count; None: no count
+    count: float | None = None  # share of passages that option 1 must count; None for no count
     jobs: int = 1  # number of threads
     observations: Path | None = None  # folder of observations, from which a plan can resume
-    tell: Callable[[str], None] = show_line  # called with a line for each stage
+    tell: Callable[[str], None] = show_line  # function that gets a line for each stage
 
 
 def check_request(request: Request, effort: Effort, law: Detectability) -> None:

@@ -38,7 +38,7 @@ FURTHER_M, LOWER_M, TILT_DEG, YAW_DEG = 2.0, 0.5, 0.5, 0.5
 LANE_M = 3.5
 LORRY_SIZE_M = (12.0, 2.55, 4.0)  # largest lorry of two or three axles in the EU (96/53/EC)
 CLEARANCE_M = 0.3  # clearance below the lorry's body
-LORRY_M = 9.0  # objects nearer than this to the lorry's middle are left out
+LORRY_M = 9.0  # distance from the lorry's middle within which objects are left out
 BOX_FACES = [  # triangles of corner indices; 0 to 3 are the lower corners, 4 to 7 the upper
     (0, 2, 1), (0, 3, 2), (4, 5, 6), (4, 6, 7), (0, 1, 5), (0, 5, 4),
     (1, 2, 6), (1, 6, 5), (2, 3, 7), (2, 7, 6), (3, 0, 4), (3, 4, 7),

@@ -53,7 +53,7 @@ Parts = Sequence[tuple[Sequence[float], simulation.Lidar]]  # pose and LiDAR of 
 class Found:
     """The objects in the frames of a simulated option, and which of them have a box."""
 
-    objects: pd.DataFrame  # frame (index), person, x, y (world), found, away (error of the box, m)
+    objects: pd.DataFrame  # columns frame, person, x, y (world), found, away (box error, m)
     frames: int
     false: FloatArray  # (frames,) false boxes of each frame
     ap: Interval

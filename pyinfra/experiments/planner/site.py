@@ -57,7 +57,7 @@ class PlanSite:
     roads: tuple[Road, ...]  # the evaluation region, world frame
     every_frame: int  # number of frames of the scene
     frames: tuple[int, ...]  # frame numbers, in the order of observation
-    present: pd.DataFrame  # every object in the region: frame, id, type, person, x, y, speed
+    present: pd.DataFrame  # objects in the region; columns frame, id, type, person, x, y, speed
     centre: FloatArray  # (2,) origin of the distances of the request, world frame
     observed: SiteObserver
     period_s: float = PERIOD_S  # frame period of the LiDARs

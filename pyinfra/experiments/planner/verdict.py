@@ -28,7 +28,7 @@ class Compared:
     best: Sequence[Choice]  # best options of this request; others are best for other settings
     listed: int  # number of options in the table; the other options are those of the front
     units: Units
-    goals: tuple[Goal, ...]  # goals that count the objects of `unseen`
+    goals: tuple[Goal, ...]  # goals, counted over the objects of `unseen`
     standings: Standings
     predicted: Callable[[tuple[int, ...]], Prediction]
     unseen: Observed  # observations in traffic other than that of the choice

@@ -58,7 +58,7 @@ def _ordered(curve: pd.DataFrame, stressor: Stressor) -> pd.DataFrame:
         at = curve.severity.map(order.index).astype(np.float64)
         return curve.assign(at=at).sort_values("at", ignore_index=True)
     curve = curve.assign(at=curve.severity.astype(float))
-    # A training with fewer frames is the higher severity.
+    # A training with fewer frames has the higher severity.
     sign = -1 if stressor.name == "training_frames" else 1
     curve = curve[sign * curve["at"] >= sign * curve["at"].iloc[0]]
     return curve.sort_values("at", ascending=sign > 0, ignore_index=True, kind="stable")
