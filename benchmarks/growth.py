@@ -29,7 +29,7 @@ from reproduction import ROOT, add_out
 VERSION = 1  # version of the results; increase it if a change alters the results
 
 BINARY = Path("build/dev/cpp/infrasim")
-LIDAR = "ruby_plus"  # 128 lines
+LIDAR = "ruby_plus"  # LiDAR with 128 lines
 FEW, MANY = 10, 110  # numbers of frames; the difference of their times excludes the start-up
 CARS = {"Car": 0.74, "Van": 0.1, "Truck": 0.06, "Bus": 0.03, "Motorcycle": 0.07}
 SPACE_M = 5.5  # mean length of a parking space
@@ -68,7 +68,8 @@ def cases() -> Iterator[Case]:
 def scene(case: Case) -> dict[str, object]:
     """Returns the scene: a straight road whose middle has the mounts and the parked cars."""
     length = 1000 * case.road_km
-    half_row = case.parked / 2 * SPACE_M / 2  # one row on each side
+    # Half the length of a row of parked cars; each side of the road has one row.
+    half_row = case.parked / 2 * SPACE_M / 2
     rows = [
         {
             "road": "main",

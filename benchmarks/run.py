@@ -48,7 +48,7 @@ STAGE_NAMES = (
     *("making rays", "casting", "leaves", "panes", "beam", "return model"),
     "collecting",
 )
-AGAINST = "this / other: "  # the names of the rows of `--against` begin with this
+AGAINST = "this / other: "  # prefix of the row names of `--against`
 STAGES = {
     "ruby_plus_paper": "128 lines, paper",
     "ruby_plus_datasheet": "128 lines, datasheet",

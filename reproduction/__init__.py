@@ -9,7 +9,7 @@ from pathlib import Path
 from pyinfra.core.version import __version__, machine
 
 ROOT = Path(__file__).resolve().parent.parent
-RECORDED = ROOT / "results"  # committed measurements
+RECORDED = ROOT / "results"  # folder of the committed measurements
 
 
 def add_out(

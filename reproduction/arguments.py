@@ -20,8 +20,8 @@ from reproduction import add_out, work_folder
 
 EXAMPLE = re.compile(r"\n\n(?=examples?: )")
 ENTRY = re.compile(r"^([\w, ]+) : (.*(?:\n +.*)*)", re.MULTILINE)
-Work = Annotated[Path, {"type": work_folder}]  # a folder for frames
-# An output file in out/, or out/ itself if the default is Path(). `recorded`: as in `add_out`.
+Work = Annotated[Path, {"type": work_folder}]  # a working folder for simulated frames
+# An output file in out/, or out/ itself if the default is Path(). add_out() explains `recorded`.
 Out = Annotated[Path, {"recorded": ""}]
 
 
@@ -61,7 +61,7 @@ def _parser_of(main: Callable[..., int | None]) -> argparse.ArgumentParser:
 
 def _keywords(hint: Any) -> dict[str, Any]:
     """Returns the keywords of argparse of an annotation."""
-    if get_origin(hint) is UnionType:  # with None
+    if get_origin(hint) is UnionType:  # the hint is a union of a type and None
         (hint, _) = get_args(hint)
     if get_origin(hint) is Annotated:
         return {**_keywords(hint.__origin__), **hint.__metadata__[0]}

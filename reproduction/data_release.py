@@ -18,7 +18,7 @@ from pyinfra.formats.csv_table import read_csv
 from reproduction.data_card import data_card
 from reproduction.simulate import simulate
 
-FRAMES = 5000  # frames in a scene's 500 s
+FRAMES = 5000  # number of frames in the 500 s of a scene
 CARD = "DATASET.md"
 SUMS = "SHA256SUMS"
 TIMES = "summary.csv"  # file with times, which differ between runs

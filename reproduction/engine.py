@@ -226,7 +226,7 @@ def run_part(part: Part) -> None:
             process = subprocess.Popen(
                 command, cwd=ROOT, stdout=log, stderr=log, stdin=subprocess.DEVNULL, pass_fds=[lock]
             )
-            _, status, used = os.wait4(process.pid, 0)  # includes the process's own children
+            _, status, used = os.wait4(process.pid, 0)  # `used` includes all child processes
             process.returncode = os.waitstatus_to_exitcode(status)
         if process.returncode == 0:
             cpu_s = round(used.ru_utime + used.ru_stime, 3)
@@ -282,7 +282,7 @@ def assemble(step: Step, parts: Sequence[Part], places: Places) -> None:
     write(places.results / RECORD, table.sort_values("step", kind="stable").to_csv(index=False))
     if (kept := parts[0].kept.parent).is_dir():
         shutil.rmtree(kept)
-        with suppress(OSError):  # other steps are incomplete
+        with suppress(OSError):  # the folder still has parts of other steps
             kept.parent.rmdir()
 
 
@@ -328,7 +328,7 @@ def run(
         if together:
             pool.call_all(run_part, together, workers)
         for part in left:
-            run_part(part)  # parts that measure times; the other parts have run
+            run_part(part)  # runs parts that measure times, after all other parts
         failed += [part for part in left if not part.done.is_file()]
         for step in stale:
             if all(part.done.is_file() for part in parts[step]):

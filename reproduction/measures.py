@@ -21,7 +21,7 @@ from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.inference.folder import detect_folder, place
 
-SPLIT_M = 60.0  # distance between the near and the far part of the region
+SPLIT_M = 60.0  # distance that separates the near and the far part of the region
 SETTINGS = Settings(ground_truths=SUBSETS)
 
 
@@ -44,7 +44,7 @@ def rows_of_test(
     part: list of frames in ImageSets, or `all`.
     """
     frames = frame_numbers(folder, part)
-    if predictions.is_dir():  # left by a test that was stopped
+    if predictions.is_dir():  # an interrupted test left this folder behind
         shutil.rmtree(predictions)
     files = [kitti.frame_file(folder, "velodyne", k) for k in frames]
     site = place(folder)

@@ -22,7 +22,7 @@ SEEDS = ("--seeds", ("1", "2", "3"))
 THREE_REPLICATES = ("1", "2", "3")
 FIVE_REPLICATES = (*THREE_REPLICATES, "4", "5")
 
-# Files that no step makes, and how they are made.
+# Files of results/ that no step makes, and the command or version that makes each file.
 OTHERS = {
     "dataset.csv": "make dataset",
     "debian13.csv": "make debian13",

@@ -14,7 +14,7 @@ from pyinfra.viz.report.contents import page
 from pyinfra.viz.report.page import write_page
 from pyinfra.viz.report.report_data import read_material
 
-BENCHMARK = "junction"  # a file of configs/benchmarks
+BENCHMARK = "junction"  # name of a benchmark in configs/benchmarks
 TIER: Tier = "quick"
 
 

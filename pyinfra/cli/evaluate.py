@@ -171,7 +171,7 @@ def run(args: argparse.Namespace) -> int:
     has_figures = not args.no_figures and bool((evaluation.ap.objects > 0).any())
     evaluation.save(args.out)
     if has_figures:
-        # The import takes a second, so it is only done if figures are drawn.
+        # The import of Matplotlib takes a second, so it is only done if figures are drawn.
         from pyinfra.viz.evaluation_plots import draw_all
 
         draw_all(evaluation, args.out)

@@ -106,7 +106,7 @@ def make_parser(words: Sequence[str], *, whole: bool = False) -> argparse.Argume
         metavar="SHELL",
         help="print a script that completes commands and options in bash or zsh",
     )
-    # The groups in the epilog list the commands.
+    # The epilog lists the commands in groups, so this list of subcommands is hidden by default.
     commands = parser.add_subparsers(
         prog="pyinfra",
         metavar="COMMAND",
@@ -151,7 +151,7 @@ def main(words: Sequence[str] | None = None) -> int:
             code = int(args.run(args))
         if code == 0:
             print_next(args.command, args)
-        sys.stdout.flush()  # if the pipe was closed, this line raises BrokenPipeError
+        sys.stdout.flush()  # raises BrokenPipeError if the pipe was closed
         return code
     except BrokenPipeError:  # the reading program, such as `head`, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

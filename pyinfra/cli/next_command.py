@@ -132,7 +132,8 @@ def _report(args: argparse.Namespace) -> Words:
 
 def _requirements(args: argparse.Namespace) -> Words:
     """Returns the requirements that the user has set, as options of recommend and report."""
-    from pyinfra.experiments.requirements import Requirements  # imports pandas
+    # This import is slow, because the module imports pandas.
+    from pyinfra.experiments.requirements import Requirements
 
     default = Requirements()
     options = {
@@ -157,7 +158,7 @@ def _lidar_of(folder: Path) -> Path:
     return next(iter(lidars_in(folder)), folder)
 
 
-# Templates with the names of arguments, or functions of the arguments.
+# Suggested next command of each command: a template with names of arguments, or a function.
 NEXT: dict[str, str | Callable[[argparse.Namespace], Words]] = {
     "lidars": _lidars,
     "pictures": "pyinfra view {data[0]} --out {out}/view.html",

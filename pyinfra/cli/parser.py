@@ -67,7 +67,7 @@ class Parser(argparse.ArgumentParser):
         choices = [str(choice) for choice in action.choices or ()]
         if choices and str(value) not in choices:
             similar = near(str(value), choices)
-            # A long list hides the suggestion.
+            # A long list of choices would hide the suggestion.
             allowed = "a name" if similar and len(choices) > MOST_LISTED else listed(choices)
             raise argparse.ArgumentError(action, f"expected {allowed}, got '{value}'{similar}")
 

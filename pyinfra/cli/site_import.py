@@ -61,7 +61,8 @@ def run(args: argparse.Namespace) -> int:
         pole = record["pole"]
         place = " ".join(f"{pole[name]:g}" for name in ("x_m", "y_m", "z_m"))
         print(f"pole at {place} m, yaw {pole['yaw_deg']:g} degrees")
-    for name, yaw_deg in yaws(args.out).items():  # the user may have changed the mounts
+    # The mounts are read again, because the user may have changed them.
+    for name, yaw_deg in yaws(args.out).items():
         print(f"{name} looks to {looks_to(yaw_deg)}")
     listed = [f"{len(rows)} {kind}" for kind, rows in record["features"].items()]
     if listed:

@@ -128,7 +128,7 @@ def run(args: argparse.Namespace) -> int:
             warn(f"other-types: {warning}", args)
     how = {name: getattr(args, name) for name in ("seed", "device", "precision")}
     model = train(recipe, sources, args.out, **how)
-    if os.environ.get("RANK", "0") == "0":  # only the first of several processes prints
+    if os.environ.get("RANK", "0") == "0":  # only the first of several processes prints the result
         print(model)
     return 0
 

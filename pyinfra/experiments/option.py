@@ -36,33 +36,33 @@ class Option:
     ap_visible: Interval  # AP (R1000) of the vehicles that are visible from the mount
     hidden: float  # share of the vehicles that are hidden from the mount; NaN if unknown
     ap: Interval  # AP (R1000) of the vehicles that the LiDAR captured
-    price_usd: float  # mean of low and high
+    price_usd: float  # mean of the low and the high price
     price_low_usd: float
     price_high_usd: float
     price_source: str  # source of the LiDAR's price; empty if unknown
     site_usd: float  # part of the price that is not for LiDARs
     site_items: Mapping[str, float]  # items whose sum is site_usd; empty if unknown
-    covered_m: Interval  # covered road; the interval is unknown if `no_interval` gives a reason
-    road_m: float  # road that was evaluated within the required range; NaN if unknown
+    covered_m: Interval  # length of covered road; its interval is unknown if `no_interval` has text
+    road_m: float  # length of evaluated road within the required range; NaN if unknown
     latency_ms: float  # median time per frame on one core; NaN if it was not measured
-    latency_low_ms: float  # low end of the interval; NaN in tables of earlier versions
+    latency_low_ms: float  # low end of the latency's interval; NaN in tables of earlier versions
     latency_p95_ms: float
     machine: str  # computer on which the latency was measured; empty if unknown
-    other_cores: float  # cores that other processes used during that measurement; NaN if unknown
-    # Bootstrap replicates of ap_whole in each seed; empty if the tables lack those of a seed.
+    other_cores: float  # cores used by other processes while latency was measured; NaN if unknown
+    # Bootstrap replicates of ap_whole for each seed; empty if the tables lack them for a seed.
     replicates: tuple[pd.Series, ...]
-    range_m: float = math.nan  # range within which AP was computed; NaN: the whole region
-    recall: Interval = UNKNOWN  # percent of all vehicles within range_m, predictions of any score
-    covered_in: str = ROAD  # what covered_m and road_m measure
-    no_interval: str = ""  # why covered_m has no interval
+    range_m: float = math.nan  # range within which AP was computed; NaN for the whole region
+    recall: Interval = UNKNOWN  # percent of vehicles within range_m that a box of any score matches
+    covered_in: str = ROAD  # unit of covered_m and road_m: metres of road or squares
+    no_interval: str = ""  # reason why covered_m has no interval; empty if it has one
     frame_ms: float = FRAME_MS  # frame period of the LiDAR
     # Percent of all vehicles of the region that a box of any score matches.
     detected: Interval | None = None
-    whole: str = "present"  # ground truth of ap_whole (`with_whole`)
+    whole: str = "present"  # ground-truth subset from which ap_whole is computed
     mounts: int = 1  # number of LiDARs whose frames are fused
-    off_region_per_min: float = math.nan  # boxes outside the region, score 0.5 or more
+    off_region_per_min: float = math.nan  # boxes with score 0.5 or more outside the region
     hardly_learnt: bool = False  # whether the detector is a network trained in the smoke tier
-    # AP of this option minus that of another option, by the other's name (benchmark/until.py)
+    # AP of this option minus AP of another option, by the name of the other option
     replicated: Mapping[str, Interval] = field(default_factory=dict)
     other_frames: str = ""  # remark if the detector learnt from frames of a different version
 

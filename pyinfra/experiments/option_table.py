@@ -27,7 +27,7 @@ class Shortfall:
 
     of: Literal["price", "ap", "latency"]
     reason: str
-    relax: str  # the requirement that the option would meet; empty if there is none
+    relax: str  # budget, AP or latency that the option would meet; empty if none would help
     share: float  # how far the option misses the requirement, as a share of the requirement
 
 

@@ -13,12 +13,11 @@ import joblib
 from joblib.externals import loky
 
 Task = TypeVar("Task")
-# Callback for lines of progress, also called in the processes of the tasks.
+# Callback for lines of progress; worker processes call it too.
 Progress = Callable[[str], None]
 Backend = Literal["local", "dask"]
 BACKENDS: tuple[Backend, ...] = get_args(Backend)
-# A cluster that this module starts listens on this address only, because a cluster runs code from
-# any sender.
+# A cluster of this module listens on LOOPBACK only, because a cluster runs code of any sender.
 LOOPBACK = "127.0.0.1"
 
 
@@ -59,7 +58,7 @@ def workers(pool: Pool) -> Iterator[None]:
                     n_workers=pool.jobs,
                     threads_per_worker=1,
                     host=LOOPBACK,
-                    dashboard_address=f"{LOOPBACK}:0",  # default: all network interfaces
+                    dashboard_address=f"{LOOPBACK}:0",  # by default Dask listens on all interfaces
                     **needs,
                 )
                 where = stack.enter_context(cluster)
@@ -108,7 +107,7 @@ def stopped_by_interrupt() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        executor = loky.reusable_executor._executor  # None without local processes
+        executor = loky.reusable_executor._executor  # None if no local worker processes run
         if executor is not None:
             executor.shutdown(wait=True, kill_workers=True)
         raise

@@ -26,8 +26,8 @@ from pyinfra.metrics.comparison import Interval
 from pyinfra.metrics.intervals import FEW_BLOCKS
 from pyinfra.metrics.row_selection import AP_R1000, COUNTED
 
-MOST = 5  # options that are described in full
-NEAREST = 3  # options that are described if none meets the requirements
+MOST = 5  # maximum number of options that are described in full
+NEAREST = 3  # number of options that are described if none meets the requirements
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Answer:
 
     meets: bool  # whether the options in `named` meet the requirements
     named: Sequence[Option]
-    relax: Sequence[str]  # for each option, which requirements to change; empty if it meets all
+    relax: Sequence[str]  # for each option, the requirements to change; empty if all are met
     remarks: Sequence[str]
     caveat: str  # caveat about ranking LiDARs by the pretrained detector; empty if not needed
 
@@ -58,7 +58,7 @@ def recommend(options: Sequence[Option], requirements: Requirements) -> Answer:
         remarks = [*general_notes(options, requirements), *left_out(options, rest)]
         return Answer(False, [options[i] for i in near.index], [*near.relax], remarks, caveat)
     named, more = good[:MOST], good[MOST:]
-    before = table[: named.index[0]]  # options with a higher AP
+    before = table[: named.index[0]]  # options with a higher AP than the first recommended option
     slow = before[before.meets_price & before.meets_ap & ~before.meets_latency]
     remarks = [*too_slow(options, slow, requirements), *general_notes(options, requirements)]
     remarks += [*doubts(options, named, requirements), *left_out(options, table.drop(slow.index))]

@@ -11,7 +11,7 @@ from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.windows import REGION_M
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
 
-FRAME_MS = 1000 * PERIOD_S  # frame period of LiDARs in tables that do not have it
+FRAME_MS = 1000 * PERIOD_S  # assumed frame period of a LiDAR whose table has none
 
 
 def frame_ms(lidars: pd.DataFrame, lidar: str, preset: str) -> float:
@@ -22,7 +22,7 @@ def frame_ms(lidars: pd.DataFrame, lidar: str, preset: str) -> float:
     return 1000 * float(rows.iloc[0]) if len(rows) else FRAME_MS
 
 
-# No detector is faster than this, so that a smaller number is probably in seconds.
+# No detector takes less than 1 ms per frame, so a lower limit is probably in seconds.
 LEAST_LATENCY_MS = 1.0
 
 
@@ -30,12 +30,12 @@ LEAST_LATENCY_MS = 1.0
 class Requirements:
     """Requirements of a user."""
 
-    budget_usd: float = math.inf  # highest price of LiDAR and site
-    # Lowest AP of all vehicles, 0 to 100. A road is covered where AP is above it.
+    budget_usd: float = math.inf  # maximum price of LiDAR and site
+    # Minimum AP of all vehicles, 0 to 100. A road is covered where AP exceeds min_ap.
     min_ap: float = HIGH_QUALITY
-    range_m: float = REGION_M  # range within which AP and coverage are computed, to either side
-    # Longest median time per frame. None: the frame period of the LiDAR. A detector that takes
-    # longer is slower than its LiDAR.
+    range_m: float = REGION_M  # distance to either side within which AP and coverage are computed
+    # Maximum median time per frame. None stands for the frame period of the LiDAR, because a
+    # slower detector cannot process all frames.
     latency_ms: float | None = None
 
     def limit_ms(self, frame_ms: float) -> float:

@@ -49,7 +49,7 @@ class Kind:
     file: str
     texts: tuple[str, ...]
     numbers: tuple[str, ...]
-    key: tuple[str, ...]  # columns whose values together must be unique; empty: not checked
+    key: tuple[str, ...]  # columns whose values together must be unique; if empty, not checked
     later: tuple[str, ...]
     ranges: Mapping[str, Ends] = field(default_factory=dict)
 
@@ -65,7 +65,7 @@ SHARE = (0.0, 100.0)
 _FROM_ZERO = (0.0, sys.float_info.max)
 FINITE = (-sys.float_info.max, sys.float_info.max)
 _ANY = (-math.inf, math.inf)  # ends of intervals can be infinite if there are few replicates
-# Allowed ranges of columns of numbers, in any table; all other columns allow 0 or more.
+# Allowed ranges of numeric columns in all tables; other numeric columns allow 0 or more.
 RANGES = {
     **dict.fromkeys(AP_COLUMNS, SHARE),
     **dict.fromkeys("recall recall_low recall_high".split(), SHARE),
@@ -86,7 +86,7 @@ ENDS = (  # columns with the low and the high end of an interval
 
 
 PRETRAINED = "generalist-as-is"  # the pretrained detector without further training
-# Detectors of which messages and reports do not show the identifier
+# Words that messages and reports show in place of a detector's identifier
 DETECTOR_WORDS = {PRETRAINED: "pretrained", "generalist": "fine-tuned"}
 AS_THEY_COME = ("background", PRETRAINED)  # detectors that have no training steps
 _EXPERIMENT = " ".join((*EXPERIMENT, "seed"))
@@ -278,7 +278,7 @@ def _read(file: Path, kind: Kind) -> pd.DataFrame:
         return _empty(kind)
     try:
         return _checked(file, kind)
-    except FormatError as error:  # the user named a folder with other files
+    except FormatError as error:  # the user gave a folder whose files are not result tables
         raise Error(str(error)) from None
 
 

@@ -13,7 +13,7 @@ from pyinfra.metrics.evaluation_tables import HIGH_QUALITY, LANES
 from pyinfra.metrics.row_selection import EXPERIMENT, each_road_once, with_whole
 
 KEY = [*EXPERIMENT, "seed"]
-RIVALS = ["scene", "preset", "tier", "seed"]  # only options with equal values here are compared
+RIVALS = ["scene", "preset", "tier", "seed"]  # columns that must be equal in compared options
 MOUNTS = "mounts"  # column with the number of mounts, for scenes whose frames are fused
 SITE_ITEMS = ("computer_usd", "pole_usd", "installation_usd", "energy_usd")
 

@@ -32,7 +32,8 @@ from pyinfra.viz.picture_style import (
 from pyinfra.viz.snapshot import Snapshot, read_snapshot
 
 DARKEST_M = 3.0
-NEAR = np.array([[-60.0, -40.0], [60.0, 40.0]])  # corners, metres
+# Corners of the area that is drawn if the region is unknown, in metres.
+NEAR = np.array([[-60.0, -40.0], [60.0, 40.0]])
 
 
 def draw_frames(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> list[Path]:
@@ -115,7 +116,7 @@ def bird_view(
     points = view.points[window.holds(view.points[:, :2])]
     height = points[:, 2] - view.road_z
     grey = np.clip(np.round(0.65 - 0.65 * height / DARKEST_M, 1), 0.0, 0.65)
-    for level in np.unique(grey)[::-1]:  # high points last, on top
+    for level in np.unique(grey)[::-1]:  # high points are drawn last, on top of low points
         here = points[grey == level]
         style: dict[str, Any] = {"linestyle": "none", "marker": "o", "markeredgewidth": 0}
         axes.plot(

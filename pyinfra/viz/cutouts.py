@@ -18,16 +18,17 @@ from pyinfra.viz.picture_style import COLOURS, STYLE
 from pyinfra.viz.scene_pictures import Scene
 
 DISTANCES_M = (20.0, 40.0, 60.0, 80.0, 100.0)
-NEAR_M = 8.0  # maximum difference between a vehicle's distance and that of DISTANCES_M
+NEAR_M = 8.0  # maximum difference between a vehicle's distance and a value of DISTANCES_M
 CLASS, LEAST_VISIBILITY = "Car", 0.8
-# margin around a box; if the frame has no `fields` file, points inside belong to the vehicle
+# Margin around a box. In a frame without a `fields` file, points inside the margin belong to the
+# vehicle.
 MARGIN_M = 0.3
-ROAD_M = 0.1  # points lower than this above the bottom of a box belong to the road
-# viewing angles of a cut-out, from behind the vehicle and its right
+ROAD_M = 0.1  # height above the bottom of a box below which points belong to the road
+# Viewing angles of a cut-out, seen from behind and from the right of the vehicle.
 AROUND, ABOVE = np.radians([40.0, 30.0])
 EDGE_M = 0.25  # margin around a cut-out
 _EDGES = [(a, b) for a in range(8) for b in range(a + 1, 8) if (a ^ b).bit_count() == 1]
-_HIDDEN = 0b011  # the hidden corner, at the front, left and bottom of the box
+_HIDDEN = 0b011  # index of the hidden corner, at the front, left and bottom of the box
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +37,8 @@ class Vehicle:
 
     frame: int
     id: int
-    box: FloatArray  # (7,) levelled LiDAR frame
-    distance: float  # horizontal, sensor to box centre
+    box: FloatArray  # (7,) box of the vehicle in the levelled LiDAR frame
+    distance: float  # horizontal distance from the sensor to the box centre
     # for each LiDAR: whether the box centre is inside its field of view and range
     in_view: tuple[bool, ...]
 

@@ -18,7 +18,7 @@ CAR_AT_M = 60.0
 # Azimuth and elevation (rad) of a car's rear, 1.8 m wide and 1.5 m high. The sensor is 6 m higher
 # than the car's bottom edge.
 CAR = np.arctan(np.array([[-0.9, -6.0], [0.9, -4.5]]) / CAR_AT_M)
-FIELD = DrawnArea((-40, 40), (-40, 40))  # degrees
+FIELD = DrawnArea((-40, 40), (-40, 40))  # drawn azimuths and elevations in degrees
 CLOSE_UP = DrawnArea((-3, 3), (-8, -2))
 
 

@@ -23,7 +23,7 @@ from pyinfra.core.files import replacing
 STYLE: Any = {"font.size": 8, "axes.titlesize": 9, "axes.linewidth": 0.6}
 DPI = 150
 REGION_COLOUR = "#F1EDE4"
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # one per LiDAR
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # one colour per LiDAR
 VIEW_LINE: dict[str, Any] = {"color": "black", "linewidth": 0.6, "linestyle": (0, (6, 3))}
 
 

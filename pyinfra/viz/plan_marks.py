@@ -5,7 +5,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
-ON_TOP = 7  # drawn over roads, buildings and sensors
+ON_TOP = 7  # drawing order of marks that cover roads, buildings and sensors
 HALO: dict[str, Any] = {"path_effects": [withStroke(linewidth=3, foreground="white")]}
 
 

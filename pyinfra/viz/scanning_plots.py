@@ -23,7 +23,7 @@ LINES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1,
 MARKERS = "osD^vPX*"
 QUALITY_HATCHES = ("", "///", "...", "xxx")
 STYLE: Any = {
-    "svg.hashsalt": "pyinfra",  # makes the bytes of a figure the same in each run
+    "svg.hashsalt": "pyinfra",  # fixed salt of the ids, so that each run writes the same bytes
     "svg.fonttype": "none",
     "font.size": 9,
     "axes.titlesize": 8,
@@ -41,7 +41,7 @@ def save(figure: Figure, stem: Path) -> None:
     with mpl.rc_context(STYLE):
         with replacing(Path(f"{stem}.svg")) as beside:
             figure.savefig(beside, format="svg", metadata={"Date": None})
-        figure.set_layout_engine("none")  # keeps the layout of the SVG
+        figure.set_layout_engine("none")  # the PNG keeps the layout of the SVG
         with replacing(Path(f"{stem}.png")) as beside:
             figure.savefig(beside, format="png", dpi=150)
 
@@ -74,7 +74,8 @@ def points_per_vehicle(table: pd.DataFrame) -> Figure:
 def quality(table: pd.DataFrame) -> Figure:
     """Draws stacked shares of missed, low, medium and high vehicles by distance, set `common`."""
     table = table[(table["set"] == "common") & (table.quality != "hit")]
-    first_m, last_m = table.from_m.min(), table.to_m.max()  # limits of the row over all distances
+    # The row that covers all distances is not drawn.
+    first_m, last_m = table.from_m.min(), table.to_m.max()
     table = table[~((table.from_m == first_m) & (table.to_m == last_m))]
     figure, axes = _panels(table.lidar.unique(), _data_sets(table).unique(), size=(3, 2.4))
     greys = sns.color_palette("cividis_r", len(QUALITIES))

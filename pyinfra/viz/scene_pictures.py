@@ -45,7 +45,7 @@ class Scene:
     """A data set without its frames."""
 
     name: str
-    folders: tuple[Path, ...]  # one per LiDAR
+    folders: tuple[Path, ...]  # folder of each LiDAR
     lidars: tuple[kitti.Lidar, ...]
     tilts: tuple[kitti.Tilt, ...]
     around: Surroundings
@@ -58,7 +58,7 @@ def read_scene(folders: Sequence[Path]) -> Scene:
     top = kitti.read_yaml(data_set / "dataset.yaml")
     is_imported = top.maybe("lanes") is not None
     if not is_imported:
-        top.at("roads").items()  # a plan needs roads or lanes
+        top.at("roads").items()  # raises an error without roads
     return Scene(
         name=top.at("name").text(),
         folders=tuple(folders),
@@ -79,7 +79,7 @@ def plan(scenes: Sequence[Scene]) -> Figure:
     windows = [window_around([road.outline for road in s.around.roads]) for s in scenes]
     widths = [window.shape()[0] for window in windows]
     height = max(window.shape()[1] for window in windows)
-    width = 8.5 * (1 + 0.45 * (len(scenes) - 1))  # leaves room for the stations
+    width = 8.5 * (1 + 0.45 * (len(scenes) - 1))  # width in inches with room for stations
     size = (width, 0.93 * width * height / sum(widths) + 1.1)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=size, layout="constrained")

@@ -43,7 +43,7 @@ MARKERS = {
     "give_way": ("v", "#B00000"),
     "separate_sidewalk": ("_", "#4F6D8A"),
 }
-# First bytes of the files of a plan, by suffix; other files are not replaced.
+# First bytes of a plan's files, by suffix. A file that begins differently is not replaced.
 BEGINS = {".svg": b"<?xml", ".png": b"\x89PNG", ".pdf": b"%PDF"}
 ARROW_EVERY_M = 25.0
 ARROW_M = 20.0

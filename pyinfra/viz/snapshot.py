@@ -20,11 +20,11 @@ class Snapshot:
 
     scene: str  # name of the data set's folder
     lidar: kitti.Lidar
-    points: Points  # (n, 4)
+    points: Points  # (n, 4) x, y, z, intensity
     objects: kitti.Objects
-    region: tuple[FloatArray, ...]  # outlines (n, 2) of the evaluation region, if known
+    region: tuple[FloatArray, ...]  # outlines (n, 2) of the evaluation region; empty if unknown
     holes: tuple[FloatArray, ...]  # outlines (n, 2) of holes in the region
-    road_z: float  # z of the road
+    road_z: float  # z of the road in the levelled LiDAR frame
 
     def counts(self) -> str:
         if self.lidar.preset == kitti.RECORDED and len(self.objects.names) == 0:

@@ -21,7 +21,7 @@ from pyinfra.viz.page_file import check_file, write_page_file
 from pyinfra.viz.picture_style import COLOURS, STYLE
 
 WIDEST = 9.0  # line width, in points, of the largest flow
-LONE_M = 14.0  # length of an arrow across a line that stands alone
+LONE_M = 14.0  # length of the arrow of a movement that crosses only one line
 LARGEST_MB = 20.0
 _CSS = """
 body{font:15px/1.5 system-ui,sans-serif;margin:2em auto;max-width:62em;padding:0 1em;color:#222}
@@ -105,7 +105,7 @@ def _arrow(ax: Axes, lines: dict[str, Line], row: Any, most: int) -> None:
     )
     ax.add_patch(patch)
     ax.update_datalim(points)
-    label = np.array([0.16, 0.48, 0.36]) @ points  # on the curve, after 60 % of its parameter
+    label = np.array([0.16, 0.48, 0.36]) @ points  # point of the curve at its parameter 0.6
     box = {
         "boxstyle": "round,pad=0.15",
         "facecolor": "white",

@@ -28,7 +28,7 @@ from reproduction.claims.scanning import (
 DETECTORS = ("pointpillars", "pv-rcnn", "dsvt", "centerpoint-pillar")
 PUBLISHED = ("pv-rcnn", "pointpillars", "dsvt")
 BUNDLE = "bundle_5_livox_avia"
-# A difference between LiDARs can have opposite signs under these two ground-truth subsets.
+# Ground-truth subsets under which a difference between LiDARs can have opposite signs.
 TRUTHS = ("captured", "common")
 AT_MOST_5 = (-math.inf, 5.0)
 STEEPEST_DEG = 20.0

@@ -33,7 +33,7 @@ SPINNING = (LINES_16, LINES_64, LINES_128)
 NEAR_M = (30.0, 50.0)
 FAR_SPAN_M = (FAR_M, 120.0)
 WHOLE_M = (30.0, 120.0)
-ABOVE_0 = (float(np.nextafter(0, 1)), np.inf)  # the smallest number above 0
+ABOVE_0 = (float(np.nextafter(0, 1)), np.inf)  # range of all values above 0, without 0 itself
 ABOVE_1 = (float(np.nextafter(1, 2)), np.inf)
 COLUMNS = "claim preset statement value low high verdict command seed version frames_version".split(
     " "

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
-PRIMARY = (("fine-tuned", "generalist"), ("from nothing", "pointpillars"))  # judge, detector
-BOTH = "both"  # the column `judge` of a combined row
+# Value of the column `judge`, and detector, for both detectors that decide a claim.
+PRIMARY = (("fine-tuned", "generalist"), ("from nothing", "pointpillars"))
+BOTH = "both"  # value of the column `judge` in a combined row
 HOLDS, FAILS_ABOVE, FAILS_BELOW = "holds", "fails above", "fails below"
 UNDECIDED, NOT_KNOWN = "undecided", "not known"
 TOO_FEW = "too few replicates"
@@ -16,7 +17,7 @@ CHEAPER = "fails, as a cheaper LiDAR reaches it"
 DEPENDS = "depends on the detector"
 ONE = "judged by one detector"
 FAILS = "fails"
-FAR_FROM_LEVEL = {FAILS_BELOW, CHEAPER}  # both say that the claim `value` fails
+FAR_FROM_LEVEL = {FAILS_BELOW, CHEAPER}  # both verdicts mean that the claim `value` fails
 CASE = ["claim", "scene", "preset", "label_time", "subset", "law_exponent"]
 
 

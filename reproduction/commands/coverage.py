@@ -30,7 +30,7 @@ VERSION = 1  # version of the results; increase it if a change alters the result
 SCENES = ("highway", "curve", "crossroad")
 SPANS_S = (90, 250, 500)
 RUN_S, APART_S = 500, 0.5
-RULE = "as long as a stay"  # length rule of the time blocks
+RULE = "as long as a stay"  # name of the rule for the length of time blocks
 REPLICATES = 200
 # correlation times of a vehicle's detection probability and of the rate of false positives
 CHANGES_S, BOUTS_S = 4.0, 5.0

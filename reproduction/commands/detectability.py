@@ -46,9 +46,9 @@ from reproduction.detectability.runs import (
 
 VERSION = 1  # version of the results; increase it if a change alters the results
 
-REPLICATES = 40  # fits on resampled sites, for intervals
-FEW_SITES = 40  # with fewer sites the fit is marked as a pilot
-MOST_OBJECT_ROWS = 400  # rows of one run in the fit; more rows of one pose add little
+REPLICATES = 40  # number of fits on resampled sites, from which intervals are computed
+FEW_SITES = 40  # number of sites below which the fit is marked as a pilot
+MOST_OBJECT_ROWS = 400  # maximum number of objects of one run in the fit; more of them add little
 
 
 def fit(
@@ -99,7 +99,7 @@ def stored(runs: list[Run], frames: int, work: Path, part: tuple[int, int]) -> l
             continue
         try:
             store(run, frames, work)
-        except (Error, IndexError) as error:  # no traffic in the region, or too few poses
+        except (Error, IndexError) as error:  # the site has no traffic or too few poses
             print(f"site {run.site}: left out: {error}", flush=True)
             left_out.add(run.site)
     return [run for run in runs if run.site not in left_out]

@@ -40,9 +40,9 @@ from reproduction.commands.unseen import CLASSES, CUT, REPLICATES, Boxes, scored
 
 VERSION = 1  # version of the results; increase it if a change alters the results
 
-FRAMES = 3  # frames per LiDAR
+FRAMES = 3  # number of frames per LiDAR
 VEHICLES, ANYWHERE, QUEUES = "vehicle", "vehicle, no region", "vehicle in a queue"
-# Kind of objects: the classes of boxes that may match them, metric, threshold.
+# For each kind of object: the classes of boxes that may match, the metric and the threshold.
 KINDS: dict[str, tuple[tuple[ObjectClass, ...], matching.Metric, float]] = {
     VEHICLES: (("vehicle",), "bev", 0.5),
     "pedestrian": (("pedestrian",), "centre", 0.5),
@@ -51,7 +51,7 @@ KINDS: dict[str, tuple[tuple[ObjectClass, ...], matching.Metric, float]] = {
     ANYWHERE: (("vehicle",), "bev", 0.5),
     QUEUES: (("vehicle",), "bev", 0.5),
 }
-MOST = {"ap_r1000": 100.0, "false_per_frame": np.inf}  # largest value of a figure, if not 1
+MOST = {"ap_r1000": 100.0, "false_per_frame": np.inf}  # maximum of a figure, if it is not 1
 
 
 def in_frame(
@@ -135,7 +135,7 @@ def figures(matches: Boxes, kind: str, weights: IntArray) -> dict[str, FloatArra
     if kind == QUEUES:
         objects = (weights @ matches.objects).astype(np.float64)
         found = weights @ np.bincount(matches.slot[matches.right], minlength=weights.shape[1])
-        none = np.full(len(objects), np.nan)  # replicates without an object
+        none = np.full(len(objects), np.nan)  # NaN for replicates without an object
         return {"recall": np.divide(found, objects, out=none, where=objects > 0)}
     false = matches.false_per_frame(weights)
     if kind == ANYWHERE:

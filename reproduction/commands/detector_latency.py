@@ -119,7 +119,7 @@ def rows_of(folder: Path) -> Iterator[dict[str, object]]:
         for clock in clocks.values():
             clock.times[READ].append(read_ms)
     for key, clock in clocks.items():
-        with one_thread():  # limits PyTorch to one thread
+        with one_thread():
             for points in clouds:
                 clock.frame(detectors[key], points)
     for (engine, threads), clock in clocks.items():

@@ -48,7 +48,7 @@ VERSION = 1  # version of the results; increase it if a change alters the result
 TRAIN_FRAMES, TEST_FRAMES = "0:5000:11", "0:5000:47"
 TRAIN_SEEDS_FROM = 1000
 TESTS = 2  # number of test seeds of a replicate
-LAW_EXPONENTS = (0.25, 0.5)  # smallest and largest exponent; the catalogue has the smallest
+LAW_EXPONENTS = (0.25, 0.5)  # minimum and maximum exponent of the range law; the catalogue has 0.25
 SPINNING = ("ruby_plus", "pandar_64", "helios_16")
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 BUNDLES = {"crossroad": "bundle_5_livox_avia"}  # the LiDAR that replaces the single Avia in a scene
@@ -58,8 +58,8 @@ BUNDLES = {"crossroad": "bundle_5_livox_avia"}  # the LiDAR that replaces the si
 class DetectorSetup:
     """A detector and its training; its role is the column `judge` of the tables."""
 
-    role: str  # the column `judge`
-    detector: str  # a file in configs/detectors
+    role: str  # value of the column `judge`
+    detector: str  # name of a file in configs/detectors
     tier: Tier | None  # None for the pretrained detector without training
     budget: float = 1.0  # multiple of the tier's training steps
 

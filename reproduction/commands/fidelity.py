@@ -78,7 +78,7 @@ def points_ladder(
     first = next(iter(models))
     lidars = [simulation.load_lidar(lidar_file(n), preset) for n in LIDARS]
     means: dict[str, pd.Series] = {}
-    seconds: dict[str, pd.Series] = {}  # mean time per frame by LiDAR; the minimum over the passes
+    seconds: dict[str, pd.Series] = {}  # minimum over the passes of the mean time per frame
     for value in [*models] * PASSES:
         table = objects(scene("highway", preset, **models[value]), lidars, frames)
         means[value] = by_distance(seen(table))

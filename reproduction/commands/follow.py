@@ -26,8 +26,8 @@ from reproduction.arguments import Out, Work, command
 
 VERSION = 1  # version of the results; increase it if a change alters the results
 
-FRAMES = 150  # simulated frames, which repeat
-KEPT = 20  # clouds in the folder
+FRAMES = 150  # number of simulated frames, which are written repeatedly
+KEPT = 20  # number of newest clouds that stay in the folder
 INTERVAL_MIN = 10.0
 LONGEST_START_S = 120.0  # maximum time until the first line
 
@@ -76,7 +76,7 @@ def followed(
     """Yields a row for each interval. words: the command that follows the folder."""
     command = [sys.executable, "-m", "pyinfra", *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        lines: list[tuple[float, float, int]] = []  # arrival of the line, delay, dropped so far
+        lines: list[tuple[float, float, int]] = []  # each line's arrival, delay and dropped frames
         reader = threading.Thread(target=read, args=(process, lines), daemon=True)
         reader.start()
         number, since = 0, time.monotonic()

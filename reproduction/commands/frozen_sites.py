@@ -35,11 +35,11 @@ from pyinfra.scenes.generator.ranges import CLUTTERED, RANGES, Ranges
 from reproduction import ROOT
 
 FOLDER = ROOT / "tests/data/sites"
-FIRST_SITE = 1_000_000  # training uses smaller seeds only
+FIRST_SITE = 1_000_000  # first seed of the test sites; training uses only smaller seeds
 CALIBRATION_SITE = 1_500_000  # first seed of the sites that calibrate scores
 HELD_OUT = ("hesai_ot128", "hesai_xt32", "livox_horizon")  # LiDARs that no training uses
 PRESET = "datasheet"
-LIDARS, FRAMES = 4, 5  # LiDARs per site, frames per LiDAR
+LIDARS, FRAMES = 4, 5  # number of LiDARs per site, and of frames per LiDAR
 QUEUE_S, STANDS_M = 30.0, 0.5  # a vehicle in a queue moves less than STANDS_M in QUEUE_S
 # The first seed, the number of sites and the parameter ranges of each set of sites.
 SETS: dict[str, tuple[int, int, Ranges]] = {
@@ -102,7 +102,7 @@ class TestSample(SiteSample):
 
     queues: BoolArray = field(kw_only=True)  # (k,) whether each box has stood for QUEUE_S
 
-    __test__ = False  # this is no test of pytest
+    __test__ = False  # pytest does not collect this class
 
 
 def looked_at(

@@ -52,10 +52,10 @@ from reproduction.simulate import simulate
 VERSION = 1  # version of the results; increase it if a change alters the results
 
 RECIPES = ROOT / "configs/detectors"
-FIRST_SITE = 2_000_000  # no training and no calibration used this seed or larger seeds
+FIRST_SITE = 2_000_000  # first seed of the sites; training and calibration used smaller seeds
 SCENES = ("highway", "crossroad", "curve")
 STUDIED = ("ruby_plus", "livox_avia", "helios_16", "pandar_64")
-FRAMES = "0:5000:10"  # of 500 s; the first 400 s are for training, the last 90 s for the test
+FRAMES = "0:5000:10"  # frames of 500 s; the first 400 s are for training, the last 90 s for tests
 CUT = 0.5  # smallest calibrated score of a shown box
 ARMS = ("none", "tuned_30", "tuned_120", "site_trained")
 SETTINGS = Settings(ground_truths=("captured",))

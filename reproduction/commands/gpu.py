@@ -49,16 +49,16 @@ ON_POINTS = ("pv-rcnn", "pointrcnn")  # detectors that search points with the Tr
 WITH_LAYERS = ("dsvt", *ON_POINTS)  # detectors with layers in Triton
 WORKERS = (0, 1, 2, 4, 8)
 SCENE, LIDAR, PRESET, SEED = "highway", "ruby_plus", "paper", 1
-FRAMES = "0:5000:30"  # frames of the traffic seed SEED; those before 400 s are used
+FRAMES = "0:5000:30"  # frames of the traffic with seed SEED; only frames before 400 s are used
 HELD_OUT = 20  # number of last frames, on which the AP is measured
-WARM_UP, PROFILED = 6, 5  # steps before the measurement, and steps whose kernels are timed
+WARM_UP, PROFILED = 6, 5  # numbers of steps before the measurement, and of steps with timed kernels
 LEAST_SAME = 0.99  # minimum share of values in Triton that agree with PyTorch
-LONGEST = 8  # number of printed kernels
+LONGEST = 8  # number of slowest kernels that are printed
 KEY = ["device", "detector", "tier", "setting", "measure"]
 
-# The precision and the changed fields of the pace, by the name of the setting.
+# Maps the name of a setting to the precision and to the changed fields of loop.Pace.
 Rates = dict[str, tuple[Precision, dict[str, bool]]]
-ON_CPU: Rates = {"float32": ("float32", {})}  # few CPUs multiply matrices of 16 bits
+ON_CPU: Rates = {"float32": ("float32", {})}  # few CPUs can multiply matrices of 16-bit numbers
 # `pyinfra train` on a GPU uses `tf32` or, with --precision bfloat16, `bfloat16`.
 RATES: Rates = {
     "tf32": ("float32", {"tf32": True}),
@@ -86,9 +86,9 @@ class Bench:
 
     detector: str
     device: torch.device
-    folder: Path  # frames of the LiDAR
+    folder: Path  # folder with the frames of the LiDAR
     out: Path
-    seconds: float  # duration of one measurement of steps
+    seconds: float  # duration of one measurement of training steps
 
     @property
     def tier(self) -> Tier:

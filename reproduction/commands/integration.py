@@ -36,7 +36,8 @@ LIDARS = ("livox_avia", "helios_16", "ruby_plus")
 SPEEDS_KM_H = (62, 20)  # mean speeds of the vehicles; 62 is that of the scene
 STACKS = (Accumulation(1), Accumulation(5, "newest"), Accumulation(5, "middle"))
 DETECTOR = "pointpillars"
-FIRST, END, TRAIN_STEP, TEST_STEP = 10, 4990, 11, 47  # numbers of the labelled frames
+# Range of the labelled frames, and steps between training frames and between test frames.
+FIRST, END, TRAIN_STEP, TEST_STEP = 10, 4990, 11, 47
 KEY = ["speed_km_h", "lidar", "accumulate", "label_at", "seed", "subset"]
 MEASURES = ["frames", "objects", "ap_r1000", "ap_r1000_near", "ap_r1000_far", "train_cpu_s"]
 

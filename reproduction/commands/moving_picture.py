@@ -24,15 +24,16 @@ from reproduction.arguments import command
 VERSION = 1  # version of the results; increase it if a change alters the results
 
 LIDARS = ("livox_avia", "ruby_plus")
-SECONDS, STEPS = 3.0, 2  # STEPS pictures per frame
+SECONDS, STEPS = 3.0, 2  # duration of the moving picture, and number of pictures per frame
 SIZE = (460, 380)  # size of each half, pixels
-DRAWN = 2  # pixels are computed at this multiple and averaged
-BACK_M, UP_M, AHEAD_M = 30.0, 26.0, 26.0  # camera behind and above the sensor, and its target
+DRAWN = 2  # factor by which more pixels are computed in each direction, and then averaged
+# Position of the camera behind and above the sensor, and distance of its target ahead.
+BACK_M, UP_M, AHEAD_M = 30.0, 26.0, 26.0
 FIELD_OF_VIEW_DEG = 50.0
-FADE_S = 0.25  # duration for which a point is lit
+FADE_S = 0.25  # duration for which a point is visible
 GROUND = np.array([11, 15, 20])
 RAMP = np.array([[120, 140, 170], [90, 200, 250], [120, 235, 160], [250, 240, 140]])
-RAMP_M = 4.0  # height above the road of the last colour
+RAMP_M = 4.0  # height above the road from which points have the last colour of RAMP
 BOX_COLOUR = (255, 140, 40)
 QUALITY = 50
 
@@ -85,7 +86,7 @@ def pictures(name: str, title: str) -> list[np.ndarray]:
         lit = (at <= time_s) & (at > time_s - FADE_S)
         light = 1 - (time_s - at[lit]) / FADE_S
         canvas = drawn(place[lit], colour[lit] * (0.15 + 0.85 * light[:, None]))
-        ahead_s = ((step + 1) / STEPS - 0.5) * period_s  # labels are of the middle of the frame
+        ahead_s = ((step + 1) / STEPS - 0.5) * period_s  # the labels hold at mid-frame
         moved = boxes[k][BOX].to_numpy(float)
         moved[:, :2] += ahead_s * boxes[k][["vx", "vy"]].to_numpy(float)
         out.append(finished(canvas, moved, camera, title))
@@ -125,7 +126,7 @@ def drawn(place: FloatArray, colour: FloatArray) -> np.ndarray:
     column, row = place[:, 0].astype(int), place[:, 1].astype(int)
     inside = (column >= 0) & (column < width - 1) & (row >= 0) & (row < height - 1)
     inside &= place[:, 2] > 1
-    for dx, dy in itertools.product((0, 1), repeat=2):  # 2 x 2 pixels
+    for dx, dy in itertools.product((0, 1), repeat=2):  # a point fills 2 x 2 pixels
         np.maximum.at(canvas, (row[inside] + dy, column[inside] + dx), colour[inside])
     return canvas
 

@@ -96,7 +96,7 @@ def rows_of(run: Path, folder: Path) -> Iterator[dict[str, object]]:
                 table = pd.DataFrame(found.boxes, columns="x y z dx dy dz heading".split())
                 boxes[name].append(table.assign(frame=number, type=found.names, score=found.scores))
     for name in detectors:
-        table = pd.concat(boxes[name][1:])  # the first frame warms up
+        table = pd.concat(boxes[name][1:])  # the first frame only warms up the detector
         result = pi.evaluate(folder, table[table.type != "Pedestrian"], split="val")
         ap = result.ap.set_index("ground_truth").ap_r1000["captured"]
         yield {

@@ -40,7 +40,7 @@ from pyinfra.models.training.samples import SiteSample
 from reproduction import add_out, provenance
 from reproduction.commands import frozen_sites
 
-MIN_SCORE = 0.002  # the calibration also uses boxes with a score below CUT
+MIN_SCORE = 0.002  # minimum score of a box in the calibration, which also uses scores below CUT
 PEOPLE = "vulnerable road user"  # a pedestrian or a cyclist
 CUT = 0.5  # smallest calibrated score of a shown box
 
@@ -52,8 +52,8 @@ class ScoredBoxes:
     site: str
     lidar: str
     name: ObjectClass
-    scores: FloatArray  # (n,)
-    right: BoolArray  # (n,)
+    scores: FloatArray  # (n,) score of each box
+    right: BoolArray  # (n,) whether each box is a true positive
     objects: int  # number of vehicles, or of people, in the ground truth
 
 
@@ -199,7 +199,7 @@ def main() -> None:
         calibration=line,
         figures={"cut": CUT, "sites": args.sites, **figures},
     )
-    # Norms have values outside the range of half precision.
+    # Parameters of normalisation layers can exceed the range of half precision.
     weights = {
         f"network.{name}": tensor.half() if tensor.ndim > 1 else tensor
         for name, tensor in loaded.weights().items()

@@ -24,13 +24,13 @@ from reproduction.arguments import Out, command
 
 VERSION = 1  # version of the results; increase it if a change alters the results
 
-SIZES = {"Pedestrian": (0.73, 0.67, 1.77), "Cyclist": (1.67, 0.70, 1.67)}  # core/classes.h
+SIZES = {"Pedestrian": (0.73, 0.67, 1.77), "Cyclist": (1.67, 0.70, 1.67)}  # as in core/classes.h
 SIDE_M = {"Pedestrian": 1.5, "Cyclist": -1.5}  # lateral offset from the line straight ahead
 WEAVE_M = 0.3  # lateral amplitude, so that scan columns hit at different positions
 FROM_M, TO_M, BIN_M = 10.0, 500.0, 10.0
 STEP_M = 0.4  # movement per frame
-TURN_RAD = 2.399963 / 5  # the golden angle per five frames, so that each bin has all headings
-ENOUGH = 5  # smallest median number of points that is enough
+TURN_RAD = 2.399963 / 5  # turn per frame; five frames turn by the golden angle, so headings vary
+ENOUGH = 5  # minimum median number of points that is considered enough
 SCENE = """name: people
 duration_s: {duration_s}
 mounts:
@@ -62,7 +62,7 @@ def number(name: str, frame: int) -> int:
 def trajectories() -> Iterator[str]:
     yield "t,id,class,x,y,z,heading,dx,dy,dz,speed"
     for k in range(FRAMES + 1):
-        for frame in (k - 1, k):  # the frames that end and begin at this instant
+        for frame in (k - 1, k):  # frame that ends, and frame that begins, at instant k
             if 0 <= frame < FRAMES:
                 for name in SIZES:
                     yield f"{k / 10},{number(name, frame)},{name},{state(name, k)}"

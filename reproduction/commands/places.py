@@ -35,7 +35,7 @@ FRAMES = "0:5000:47"
 LIDARS = ("hesai_xt32", "hesai_ot128")
 CORNER = {"pole.x_m": -11.5, "pole.y_m": -11.5}
 ACROSS = {"across.x_m": 11.5, "across.y_m": 11.5, "across.z_m": 6}
-RUNS = {  # by run: changed keys of the mounts, and the folder of each position
+RUNS = {  # changed keys of the mounts, and the folder of each position, by run
     "back": ({}, {"back": "."}),
     "4m": (CORNER | {"pole.z_m": 4}, {"4m": "."}),
     "8m": (CORNER | {"pole.z_m": 8}, {"8m": "."}),
@@ -43,7 +43,7 @@ RUNS = {  # by run: changed keys of the mounts, and the folder of each position
     "two": (CORNER | ACROSS, {"6m": "pole", "two": "fused"}),
 }
 PLACES = ("back", "4m", "6m", "8m", "8m_down", "two")
-NAMES = ("place", "minus")  # columns with paths
+NAMES = ("place", "minus")  # columns that hold paths
 
 
 def scene(work: Path) -> Path:
@@ -97,7 +97,7 @@ def main(
                 evaluate(lidar, run, seed, work)
                 print(lidar, run, seed, flush=True)
         for which in ("present", "all"):
-            # Positions have different time blocks under `all`, so differences are not paired.
+            # Under `all`, time blocks differ between positions, so differences are not paired.
             folders = [work / "out" / lidar / place for place in PLACES]
             groups = [folders] if which == "present" else [[folder] for folder in folders]
             for group in groups:

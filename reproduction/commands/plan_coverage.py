@@ -35,7 +35,7 @@ from reproduction.arguments import Out, Work, command
 from reproduction.detectability.runs import FIRST_CHECK_SITE, scene_file_of
 
 VERSION = 2  # version of the results; increase it if a change alters the results
-FIRST_SITE = FIRST_CHECK_SITE + 100  # the check of the detectability only uses smaller seeds
+FIRST_SITE = FIRST_CHECK_SITE + 100  # first seed; the check of detectability uses smaller seeds
 CALIBRATION_SITES = 10
 LIDARS = ("helios_16", "pandar_64", "livox_avia", "ruby_plus", "hesai_xt32", "livox_horizon")
 GRID = PoseGrid(every_m=30.0, heights_m=(5.0,), pitches_deg=(0.0, 10.0))
@@ -157,7 +157,7 @@ def main(
             continue
         try:
             rows = list(rows_of(number, frames, check_frames, seeds, work))
-        except Error as error:  # no traffic in the region, or no free pose
+        except Error as error:  # the site has no traffic in the region, or no free pose
             print(f"site {FIRST_SITE + number}: left out: {error}", flush=True)
             continue
         store.put(out, pd.DataFrame(rows).assign(**made_by), KEY)

@@ -48,7 +48,7 @@ class Question:
     """What a plan is asked."""
 
     question: str
-    site: str | int  # the name of a scene, or a seed of the scene generator
+    site: str | int  # name of a scene, or a seed of the scene generator
     budget_usd: float
     find_percent: float
     within_m: float
@@ -76,7 +76,7 @@ def answered(question: Question, work: Path) -> tuple[Plan, dict[str, float]]:
     times = {"race_cpu_s": 0.0, "cpu_s": 0.0}
 
     def progress(line: str) -> None:
-        if line.endswith("frames"):  # a round of the race
+        if line.endswith("frames"):  # the line reports a finished stage of the search
             times["race_cpu_s"] = time.process_time() - started
 
     result = plan(

@@ -45,7 +45,7 @@ VERSION = 1  # version of the results; increase it if a change alters the result
 
 SCENE = "crossroad_poles"
 LIDARS = ("helios_16", "livox_avia", "ruby_plus", "pandar_64")
-AGAIN = "-again"  # Background learns from the test frames with errors, as it needs no labels
+AGAIN = "-again"  # suffix of Background if it learns from the test frames, which include the errors
 DETECTORS = ("background", "centerpoint-pillar", f"background{AGAIN}")
 MOUNTS = {1: ("west",), 2: ("west", "east"), 4: ("west", "east", "south", "north")}
 TRAINING_FRAMES, TEST_FRAMES = "0:4000:10", "5000:10000:50"

@@ -44,7 +44,7 @@ def echoes(**keys: object) -> Keys:
     return {"echoes": keys}
 
 
-# The changes of each rung, and its LiDARs. `None` removes a section.
+# The changed LiDAR keys of each rung (compared model), and its LiDARs. `None` removes a section.
 RUNGS: dict[str, tuple[Keys, tuple[str, ...]]] = {
     "one ray": ({"beam": None}, FOUR),
     "assumed beams of 0.05 degrees": (beam(0.05), ASSUMED_BEAM[:3]),

@@ -15,7 +15,7 @@ from reproduction import ROOT
 from reproduction.arguments import command
 
 FRAMES = range(100, 200, 5)  # 20 clouds over 10 s
-ACROSS_M = 19.0  # points farther from the road's axis are left out, as a region filter does
+ACROSS_M = 19.0  # maximum distance of points from the road's axis, as after a region filter
 TILT_DEG = (4.0, -1.5)  # pitch and roll of the sensor
 FIRST = datetime(2026, 5, 4, 8, 30, tzinfo=UTC)  # time of frame 0
 FIELDS = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "u1")]

@@ -27,7 +27,7 @@ from reproduction.simulate import simulate
 VERSION = 1  # version of the results; increase it if a change alters the results
 
 FRAMES = "0:5000:7"
-REGION_HALF_LENGTH_M = 125  # the claims reach to 120 m
+REGION_HALF_LENGTH_M = 125  # half length of the region; the claims extend to 120 m
 
 
 def rows_of_seed(

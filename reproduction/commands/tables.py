@@ -45,7 +45,7 @@ from reproduction.tables.common import frames_of_results, with_frames
 
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 BLOCK = re.compile(r"(<!-- (table|text) (.+?) -->\n)(.*?)(<!-- end -->)", re.DOTALL)
-PICTURES = ROOT / "docs/pictures/results"  # folder of the figures
+PICTURES = ROOT / "docs/pictures/results"
 LINE = 200  # maximum length of a line of a page
 
 TABLES: dict[str, Callable[[], str]] = {

@@ -40,7 +40,7 @@ FRAMES = 600
 TIMED = 8  # number of frames in which the detector is timed
 WITHIN_M = 80.0
 POLES, POLES_LIDAR = "crossroad_poles", "pandar_64"
-LASTING = 5  # true boxes of vehicles that exist in fewer frames are left out
+LASTING = 5  # true boxes of vehicles that exist in 5 frames or fewer are left out
 OBJECTS = 100  # number of objects per frame when the time is measured
 
 

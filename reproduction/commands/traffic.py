@@ -38,7 +38,7 @@ class Place:
 
     name: str
     net: Path
-    feet: FloatArray  # (k, 2)
+    feet: FloatArray  # (k, 2) x, y of the foot of each pole
 
 
 def place_of(site: Path) -> Place:

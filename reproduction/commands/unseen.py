@@ -85,11 +85,11 @@ def many(keys: Keys, name: str) -> bool:
 class Boxes:
     """A model's boxes for one kind of object at all sites of a set, matched by one measure."""
 
-    slot: IntArray  # (n,) index of the site
+    slot: IntArray  # (n,) index of the site of each box
     scores: FloatArray
     right: BoolArray
-    objects: IntArray  # (sites,)
-    frames: IntArray  # (sites,)
+    objects: IntArray  # (sites,) number of objects at each site
+    frames: IntArray  # (sites,) number of frames at each site
 
     def ap(self, weights: IntArray) -> FloatArray:
         """Returns the AP (R1000) of each bootstrap replicate from weights (replicates, sites)."""
@@ -131,7 +131,7 @@ class Parts:
         return Boxes(slot, scores, right, self.objects, self.frames)
 
 
-Key = tuple[str, int, str, str]  # condition, model, kind of object, measure
+Key = tuple[str, int, str, str]  # condition, model, kind of object and measure of a result
 
 
 def scored_boxes(

@@ -55,7 +55,7 @@ SPINNING = [WIDE, MIDDLE, "helios_16"]
 PAIR = ("avia", WIDE)
 MEASURES = ["ap_r1000", "ap_r1000_near", "ap_r1000_far", "p_hqda"]
 GROUP = ["scene", "preset", "judge", "detector", "label_time", "law_exponent", "subset"]
-OF_DETECTORS = [name if name != "detector" else "lidar" for name in GROUP]  # GROUP for one LiDAR
+OF_DETECTORS = [name if name != "detector" else "lidar" for name in GROUP]  # grouping by LiDAR
 NETWORKS = ("pointpillars", "pv-rcnn", "dsvt")  # networks of the study without PointRCNN
 
 Values = Callable[[pd.DataFrame], pd.Series]

@@ -38,9 +38,9 @@ PREDICTORS = ("ap_predicted", "ten_points_percent", "coverage_percent", "informa
 REPLICATES = 2000
 BINS = 10
 MEASURED_FRAMES = 30  # number of frames in a run
-LEAST_BOXES = 9  # poses with fewer false boxes are not used, because their rate is too uncertain
-LEAST_RATE = 0.03  # options with fewer false boxes per frame are not used
-OfPair = Callable[[FloatArray, FloatArray], float]  # computed from two values of each pose
+LEAST_BOXES = 9  # minimum number of false boxes of a used pose; fewer give an uncertain rate
+LEAST_RATE = 0.03  # minimum number of false boxes per frame of a used option
+OfPair = Callable[[FloatArray, FloatArray], float]  # function of two values of each pose
 
 
 def predicted(outcome: Outcome, law: laws.Law) -> dict[str, float]:

@@ -29,16 +29,16 @@ VOXEL_M = (1.0, 1.0, 0.5)
 STEP_M = 0.25  # distance between samples of a beam
 BEAMS_AT_ONCE = 4096
 OCCUPANCY_FRAMES = 400
-PEOPLE = ("people", "standing_people")  # keys of a scene
-RARE = 1e-3  # vehicles per km and lane of a scene without traffic, where the key is required
+PEOPLE = ("people", "standing_people")  # keys of a scene that add people
+RARE = 1e-3  # vehicles per km and lane in a scene without traffic; the scene requires this key
 
 
 @dataclass(frozen=True, eq=False)
 class Occupancy:
     """Voxels that vehicles fill: a grid with its lowest corner, and the probability of each."""
 
-    corner: FloatArray  # (3,) world frame, m
-    probability: FloatArray  # (nx, ny, nz)
+    corner: FloatArray  # (3,) lowest corner of the grid in the world frame, m
+    probability: FloatArray  # (nx, ny, nz) probability that a vehicle fills a voxel
 
     @cached_property
     def entropy(self) -> FloatArray:
@@ -109,7 +109,7 @@ def reached_voxels(start: FloatArray, ends: FloatArray, filled: Occupancy) -> Bo
     # The share of a beam's length at which the beam comes down to the height of the grid.
     enters = np.clip(fall, 0, 1) if start[2] > top else np.zeros(len(ends))
     length = np.linalg.norm(ends - start, axis=1)
-    order = np.argsort((1 - enters) * length)  # beams of equal length need equally many samples
+    order = np.argsort((1 - enters) * length)  # a batch has beams that need equally many samples
     for i in range(0, len(ends), BEAMS_AT_ONCE):
         part = order[i : i + BEAMS_AT_ONCE]
         most = float(((1 - enters[part]) * length[part]).max(initial=0))

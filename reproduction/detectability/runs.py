@@ -33,16 +33,16 @@ from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.models.inference.boxes_table import detect
 from pyinfra.scenes.generator.generate import make_site
 
-FIRST_SITE = 700_000  # seeds of sites that no training and no other measurement uses
+FIRST_SITE = 700_000  # first seed of the sites, which no training and no other measurement uses
 FIRST_CHECK_SITE = FIRST_SITE + 100_000
 LIDARS = (
     "ruby_plus", "helios_16", "pandar_64", "livox_avia", "hesai_xt32", "livox_horizon",
 )  # fmt: skip
 DETECTORS = ("generalist", "background")
 FIT_POSES, CHECK_POSES = 4, 6
-CHECK_SEEDS = (1, 2, 3)  # traffic on which the check measures; the prediction uses seed 0
+CHECK_SEEDS = (1, 2, 3)  # traffic seeds of the check's measurements; predictions use seed 0
 DURATION_S = 120.0
-WITHIN_M = 60.0  # poses are at most this far from the scene's own pose
+WITHIN_M = 60.0  # maximum distance of a random pose from the centre of the site
 TIMED_FRAMES = 5
 
 
@@ -53,8 +53,8 @@ class Run:
     site: int
     pose: int
     lidar: str
-    seed: int = 0  # 0 for the site's own traffic
-    detect: bool = True  # False: only what the LiDAR sees is stored
+    seed: int = 0  # traffic seed; 0 for the site's own traffic
+    detect: bool = True  # whether detectors run; if not, only what the LiDAR sees is stored
 
     @property
     def name(self) -> str:
@@ -70,7 +70,7 @@ class Outcome:
     """
 
     objects: pd.DataFrame
-    spinning: bool  # whether the LiDAR spins
+    spinning: bool
     frames: int
     ap: dict[str, float]  # AP of the vehicles, by detector
     false: dict[str, FloatArray]  # scores of false vehicle boxes, by detector
@@ -139,7 +139,7 @@ def store(run: Run, frames: int, work: Path) -> None:
     results: dict[str, Measured] = {}
     if run.detect:
         sequence = frames_at(site, [*pose], lidar, site.frames, threads=1)
-        sequence.kept = 2 * frames + 1  # both detectors read clouds that are simulated once
+        sequence.kept = 2 * frames + 1  # number of frames that stay in memory for both detectors
         results = {name: measure_frames(sequence, name) for name in DETECTORS}
     objects = objects_of(site, pose, lidar, results)
     arrays: dict[str, object] = {"frames": len(site.frames)}
@@ -208,7 +208,7 @@ def detection_ms(run: Run, detector: str, frames: int, work: Path) -> float:
     pose, lidar = pose_of(run, site), load_lidar(lidar_file(run.lidar))
     sequence = frames_at(site, [*pose], lidar, site.frames[:TIMED_FRAMES])
     model = detector_for(sequence, detector)
-    detect(model, sequence)  # simulated frames stay in memory, and weights are read
+    detect(model, sequence)  # not timed: reads the weights and keeps the simulated frames in memory
     started = time.process_time()
     detect(model, sequence)
     return 1000 * (time.process_time() - started) / TIMED_FRAMES

@@ -7,7 +7,7 @@ from reproduction.report.tables import TABLES
 
 __all__ = ["SECTIONS", "TABLES"]
 
-# The study's version of a section of pyinfra's report.
+# Maps a section of pyinfra's report to the study's version of the section.
 _OF_THE_STUDY: dict[Maker, Maker] = {
     sections.hits.section: hits.section,
     sections.accuracy.section: accuracy.section,

@@ -11,7 +11,7 @@ from reproduction.tables.rungs import BANDS
 
 PRESET, SCENE = "datasheet", "highway"
 GRADES = ("vendor", "driver", "third party", "nominal")  # grades of sources in LiDAR files
-# What a comment with `assumed` or `not published` beside a key says.
+# Assumption that a comment with `assumed` or `not published` beside a LiDAR key describes.
 ASSUMPTIONS = {
     "range_at_10_percent_m": "range by reflectance and light",
     "beam": "width of the beam",

@@ -32,7 +32,7 @@ LIDARS = {
 }
 
 
-# Tables of results whose values do not depend on frames.
+# Tables of results whose values do not depend on simulated frames.
 WITHOUT_FRAMES = frozenset(("evaluation", "impossible_sites", "lidars", "ops", "steps"))
 _used: set[str] = set()  # tables of results that were read since `with_frames` began
 

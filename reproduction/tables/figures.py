@@ -267,7 +267,7 @@ def _finished(figure: Figure, ax: Axes) -> Figure:
 
 
 CLAIM = partial(draw_intervals, holds=(0.0, 1e9))
-FIGURES: dict[str, Picture] = {  # by the name of the file in docs/pictures/results
+FIGURES: dict[str, Picture] = {  # figures by the name of their file in docs/pictures/results
     "comparable": Picture(
         partial(rows_of_claim, "comparable"),
         partial(draw_intervals, label="AP of the Avia minus AP of 128 lines", holds=(-3.0, 3.0)),

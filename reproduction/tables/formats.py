@@ -11,7 +11,7 @@ from pyinfra.scenes.maps.osm_pbf import PBF
 from reproduction import ROOT
 from reproduction.tables.common import markdown
 
-# File name endings of formats whose recordings are folders. Other formats have theirs in FILES.
+# File name endings of formats whose recordings are folders. FILES has the endings of other formats.
 FOLDERS = {
     **dict.fromkeys(("kitti", "bin"), ".bin"),
     **dict.fromkeys(("pcd", "dair-v2x", "tumtraf", "rcooper"), ".pcd"),

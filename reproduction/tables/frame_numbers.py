@@ -22,7 +22,7 @@ PRODUCTS = {
     "velodyne_vlp_32c": "VLP-32C",
     "velodyne_vls_128": "VLS-128",
 }
-# What changed besides the beam width, which is now modelled for all LiDARs.
+# Changes of each LiDAR besides the beam width, which is now modelled for all LiDARs.
 REASONS = {
     "livox_avia": "had a divergence before; echoes are merged differently",
     "hesai_ot128": "3600 or 1800 columns instead of 2700; range of each channel",

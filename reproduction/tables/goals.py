@@ -46,7 +46,7 @@ def pilots() -> str:
     for row in table[kept].itertuples():
         arm, _, seed = str(row.model).partition("_")
         if arm == "past" and row.inputs != "past":
-            continue  # measured with an empty past
+            continue  # this row was measured without past frames
         name = f"{PILOTS[arm]}, seed {seed}" if arm in PILOTS else "version 3"
         less = _value(row, "difference") if arm in PILOTS else ""
         where = f"{row.set} ({row.sites})"

@@ -11,9 +11,9 @@ from reproduction.tables.common import DETECTORS as NAMES
 from reproduction.tables.common import Columns, markdown, number, of_rows, results, tenth
 
 DETECTORS = ("centerpoint-pillar", "pointpillars", "dsvt", "pv-rcnn", "pointrcnn")
-AP_STEPS = 100  # steps of the tier `quick` before the AP is measured
+AP_STEPS = 100  # number of training steps of tier `quick` before the AP is measured
 MATRIX = ROOT / "configs/benchmarks/paper.yaml"
-STEPS = 40_000  # steps of a training of the tier `full`
+STEPS = 40_000  # number of steps of a training of tier `full`
 OPEN = "not measured"
 
 
@@ -105,7 +105,7 @@ def hours() -> str:
     axes, each = ("detectors", "scenes", "lidars", "presets", "seeds"), list[tuple[object, ...]]()
     for part in yaml.safe_load(MATRIX.read_text(encoding="utf-8"))["matrix"]:
         each += itertools.product(*(part.get(name, [1]) for name in axes))
-    count = Counter(str(one[0]) for one in dict.fromkeys(each))  # each experiment once
+    count = Counter(str(one[0]) for one in dict.fromkeys(each))  # each experiment counts once
     table = _rates(_measured("full"))
     best = table.groupby("detector").steps_per_s.max() if len(table) else pd.Series(dtype=float)
     rows = []

@@ -8,9 +8,9 @@ from pyinfra.metrics.comparison import Interval
 from reproduction.report.ladder import interval
 from reproduction.tables.common import LIDARS, markdown, mean_of_ap, results, signed
 
-PERIOD_S = 0.1  # frame period
+PERIOD_S = 0.1
 LABELS_AT = {"newest": ", label of the last frame", "middle": ", label of the middle frame"}
-SINGLE = (1, "newest")  # accumulate and label_at of single frames
+SINGLE = (1, "newest")  # values of accumulate and label_at for single frames
 
 
 def aps(subset: str) -> dict[tuple[int, str], pd.DataFrame]:

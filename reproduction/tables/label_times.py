@@ -18,7 +18,7 @@ from reproduction.tables.verdicts import SETUPS
 LABEL_TIMES = {"scan": "scan time", "frame": "mid-frame"}
 ANGLES_DEG = (0, 90, 180, 270)  # cut angles of the tests
 WIDE, NARROW = "ruby_plus", "livox_avia"
-Aps = dict[tuple[str, str], pd.DataFrame]  # by LiDAR and label time: replicates x cut angles
+Aps = dict[tuple[str, str], pd.DataFrame]  # AP (replicates, cut angles) by LiDAR and label time
 
 
 def _aps() -> Iterator[tuple[tuple[str, str, str], Aps]]:

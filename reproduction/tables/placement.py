@@ -18,7 +18,7 @@ ERRORS = {
     "mean error with the same traffic": "prediction from the traffic of a seed, with that seed",
     "mean error of another seed": "measurement with one seed, with the mean of the other two",
 }
-WORDS = {  # words of placement_summary.csv: words of the page
+WORDS = {  # the page's words for words of placement_summary.csv
     " less ": " minus ",
     "mean pose": "mean of the poses",
     "see all around": "view 360 degrees",
@@ -29,7 +29,7 @@ WORDS = {  # words of placement_summary.csv: words of the page
 }
 
 TWO_DIGITS = "{value:.2f} [{low:.2f}, {high:.2f}]"
-FIGURES = {  # figures of plan_coverage_summary.csv
+FIGURES = {  # the page's words for figures of plan_coverage_summary.csv
     "recall": "vehicles found, of 100",
     "people_recall": "pedestrians found, of 100",
     "false_per_frame": "false boxes per frame",

@@ -16,7 +16,7 @@ from reproduction.tables.common import (
     signed,
 )
 
-LEAST_POINTS = 1.0  # bands with fewer points per vehicle are not compared between LiDARs
+LEAST_POINTS = 1.0  # minimum number of points per vehicle in a band that is compared between LiDARs
 NAMES = {**LIDARS, "hesai_xt32": "XT32", "hesai_ot128": "OT128"}
 BANDS = {0: "0 to 30 m", 30: "30 to 60 m", 60: "60 to 90 m", 90: "90 to 120 m"}
 # The present default of each compared setting, in the words of the table.

@@ -12,7 +12,7 @@ from reproduction.tables.sentences import AVIA, known, span, within
 from reproduction.tables.simulator import changes_of_models
 from reproduction.tables.tracks import rows_of as tracked
 
-LEAST_CHANGE = 3.0  # percent; a model that changes the points by less changes little
+LEAST_CHANGE = 3.0  # change of the number of points in percent below which a model changes little
 
 
 def fidelity() -> str:

@@ -12,7 +12,8 @@ MODEL = ["detail", "aggregation", "parts", "vegetation", "label_time", "frames"]
 def speed() -> str:
     """Returns a table of the measurements of `make bench`."""
     table = results("speed")
-    now = table[~table.what.str.startswith("speed / before")]  # a comparison with another version
+    # The table leaves out the comparison with another version.
+    now = table[~table.what.str.startswith("speed / before")]
     return of_rows(now, {"measurement": "{what}", "value": "{value:.2f} {unit}"})
 
 

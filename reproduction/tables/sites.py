@@ -18,7 +18,7 @@ from reproduction.tables.common import (
 
 PEOPLE_POINTS, PEOPLE_BIN_M = 5, 10  # the same values as in the command `people`
 POLE_DETECTORS = DETECTORS | {"background-again": "Background, trained again"}
-Aps = Mapping[tuple[int, str], pd.Series]  # AP by seed, by number of poles and error
+Aps = Mapping[tuple[int, str], pd.Series]  # AP by seed, for each number of poles and error
 COMPARED = "6m"
 PLACES = {
     "back": "40 m before the crossing, 6 m",

@@ -41,7 +41,7 @@ SETUPS = {
 }
 NETWORK = {"from nothing": "PointPillars, trained at the scene"}
 JUDGES = {"fine-tuned": SETUPS["fine-tuned"], **NETWORK, BOTH: "both", **SETUPS}
-TRAINED = {  # detectors by (judge, detector)
+TRAINED = {  # names of trained detectors, by (judge, detector)
     ("fine-tuned", "generalist"): "pretrained, fine-tuned",
     ("pretrained", "generalist"): "pretrained, not fine-tuned",
     **{("from nothing", name): words for name, words in DETECTORS.items()},
@@ -59,7 +59,7 @@ COMPONENTS = {
 }
 SITE_COSTS_USD = (0, 10_000, 20_000)
 REPLICATES = (3, 5, 10)
-FALSE_BY_CHANCE = 0.05  # bound of the probability of a false verdict of one detector
+FALSE_BY_CHANCE = 0.05  # upper bound of the probability of a false verdict with one detector
 
 
 def verdicts(claim: str, subset: str = "captured") -> str:

@@ -11,7 +11,7 @@ from pyinfra.experiments.benchmark.provenance import stale
 from pyinfra.experiments.benchmark.workspace import Workspace
 from pyinfra.experiments.value import KEY
 
-# Expected CPU seconds of an experiment (training, detection, evaluation) if none is finished yet.
+# Expected CPU time of an experiment in seconds, used until the first experiment is finished.
 SECONDS = {"smoke": 60.0, "quick": 400.0, "full": 4000.0}
 BACKGROUND_S = 20.0
 

@@ -41,8 +41,8 @@ class Shard:
     scene: Path
     lidars: tuple[Path, ...]
     preset: str
-    frames: str  # A:B:STEP
-    seed: int | None = None  # traffic seed; default: that of the scene
+    frames: str  # frame numbers A:B:STEP, B excluded
+    seed: int | None = None  # traffic seed; None for the seed of the scene file
 
 
 def shards(plan: Plan, work: Path, parts: int) -> list[Shard]:
@@ -103,7 +103,7 @@ def _learnt_warning(plan: Plan, detector: str, tier: Tier, used: str) -> str:
         if learning.steps or not learning.start:
             return ""
         learnt = learnt_from(model_file(Path(learning.start)))
-    except (Error, OSError):  # the rows of the experiments have the reason
+    except (Error, OSError):  # the row of the failed experiment reports this error
         return ""
     return other_frames(detector, learnt, used, MAY_BE_BETTER)
 

@@ -76,7 +76,7 @@ def check_names(plan: Plan) -> None:
     gets the file's name from `name_of_scene`.
     """
     for name in dict.fromkeys(experiment.scene for experiment in plan.experiments):
-        resolved(plan.files["scenes", name])  # raises an error for a wrong scene
+        resolved(plan.files["scenes", name])  # raises an error for an invalid scene file
     for name, preset in dict.fromkeys(
         (experiment.lidar, experiment.preset) for experiment in plan.experiments
     ):
@@ -181,7 +181,7 @@ def with_prices(plan: Plan, lidars: pd.DataFrame) -> pd.DataFrame:
 
     lidars: with the columns PRICE_TEXT as text.
     """
-    # pandas reads a column of whole numbers as integers.
+    # pandas reads a column of whole-number prices as integers.
     lidars = lidars.astype({"price_low_usd": float, "price_high_usd": float})
     for name, preset in dict.fromkeys(
         (experiment.lidar, experiment.preset) for experiment in plan.experiments

@@ -21,7 +21,7 @@ from pyinfra.experiments.pool import Progress, silent
 from pyinfra.experiments.value import KEY
 from pyinfra.models.training.recipe import read_recipe
 
-LOCK = "latency.lock"  # shared by all commands that use the same work folder
+LOCK = "latency.lock"  # lock file, shared by all commands that use the same work folder
 
 
 def time_untimed(
@@ -44,7 +44,7 @@ def time_untimed(
         for experiment in with_run(left, workspace):
             try:
                 time_experiment(experiment, plan, workspace, digests, device, progress)
-            except Exception as error:  # any error: the other experiments are still timed
+            except Exception as error:  # after any error, the other experiments are still timed
                 keep_traceback(error, workspace.work / "runs" / f"{experiment.name}.traceback.txt")
                 progress(f"{experiment.title}: no latency: {type(error).__name__}: {error}")
 

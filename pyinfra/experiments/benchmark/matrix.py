@@ -22,8 +22,8 @@ from pyinfra.scenes.maps.site_folder import MAP, SCENE
 
 # Frames that are simulated in each tier, out of the 5,000 frames of 500 s.
 FRAMES: dict[Tier, str] = {"smoke": "0:5000:20", "quick": "0:5000:5", "full": "0:5000"}
-MOST_FRAMES = 360_000  # largest number of frames of a scene: 36,000 s
-MOST_EXPERIMENTS = 100_000  # largest number of experiments; each takes 20 s or more
+MOST_FRAMES = 360_000  # maximum number of frames of a scene; at 10 Hz they last 36,000 s
+MOST_EXPERIMENTS = 100_000  # maximum number of experiments of a benchmark; each takes 20 s or more
 # Names are used for folders and in tables, so they must be safe in a shell and in a spreadsheet.
 NAME = re.compile(r"\w[^/\\,\"\x00-\x1f\x7f]{0,99}")
 
@@ -149,7 +149,7 @@ class Plan:
     files: dict[tuple[str, str], Path]  # files by kind and name
     costs: Costs
     parts: Parts
-    traffic_offset: int = 0  # is added to the seeds of the scenes
+    traffic_offset: int = 0  # number added to the traffic seed of each scene
 
     def data_sets(self) -> dict[str, list[Experiment]]:
         """Returns the experiments, grouped by the data set that they need."""

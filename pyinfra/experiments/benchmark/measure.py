@@ -32,11 +32,11 @@ from pyinfra.models.training.train import train
 
 Tables = dict[str, pd.DataFrame]
 SETTINGS = Settings(ground_truths=SUBSETS)
-FEWEST_TIMED, MOST_TIMED = 15, 100  # frames whose latency is measured
+FEWEST_TIMED, MOST_TIMED = 15, 100  # minimum and maximum number of frames whose latency is measured
 TIMED_S = 3.0  # intended total time of the frames whose latency is measured
-FIRST_FRAMES = 3  # frames before the measurement, because a detector's first frames are slower
+FIRST_FRAMES = 3  # number of warm-up frames; a detector is slower in its first frames
 OFF_REGION_SCORE = 0.5
-BUSY = 0.25  # if other processes use more cores, the detector may wait for a core
+BUSY = 0.25  # number of cores used by other processes above which a detector may wait
 LATENCY = tuple(
     f"latency_{w}"
     for w in "p50_ms p95_ms low_ms high_ms other_cores frames threads version machine".split()

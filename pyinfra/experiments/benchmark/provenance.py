@@ -24,9 +24,9 @@ from pyinfra.experiments.value import KEY
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.training.recipe import Recipe, read_recipe
 
-SHOWN = 5  # experiments that a message names
-# Ground truths of version 0.3. Digests leave out ground truths that later versions added, because
-# the added ground truths do not change the values of the others.
+SHOWN = 5  # maximum number of experiments that a message names
+# Ground-truth subsets of version 0.3. Digests leave out subsets that later versions added, because
+# added subsets do not change the values of the others.
 FIRST_TRUTHS: tuple[Subset, ...] = ("captured", "common", "all")
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 from pyinfra.experiments.value import KEY
 from pyinfra.metrics.replicates import difference
 
-Key: TypeAlias = "Mapping[str, object] | pd.Series"  # values of the columns KEY
+Key: TypeAlias = "Mapping[str, object] | pd.Series"  # an experiment's values of the columns KEY
 MEASURE = "ap_r1000"
 
 

@@ -47,7 +47,7 @@ def benchmark(
     inputs.resolved.cache_clear()
     inputs.check_names(plan)
     for folder in (workspace.work, workspace.results):
-        folder.mkdir(parents=True, exist_ok=True)  # an invalid folder is found before the work
+        folder.mkdir(parents=True, exist_ok=True)  # an invalid folder raises an error at the start
     digests = inputs.digests(plan)
     inputs.check_frames(workspace.table("hits"), digests)
     check_experiments(workspace.table("experiments"), plan, progress)
@@ -81,7 +81,7 @@ def check_costs(workspace: Workspace, plan: Plan) -> None:
     table = store.read(workspace.table("value"))
     for mounts, rows in table.groupby(mounts_of(table)) if len(table) else ():
         allowed = plan.costs.of_mounts(mounts).site_usd
-        # Tables have six digits.
+        # Tables keep six significant digits of a price with cents.
         other = [usd for usd in rows.site_usd if not math.isclose(usd, allowed, rel_tol=1e-5)]
         if other:
             raise ConfigError(
@@ -166,7 +166,7 @@ def fill(
                 tables = measure.tables(experiment, recipe, folder, run, device=gpu)
             tables["experiments"] = tables["experiments"].assign(**experiment_inputs)
             traceback.unlink(missing_ok=True)
-        except Exception as error:  # any error: the other experiments continue
+        except Exception as error:  # after any error, the other experiments continue
             keep_traceback(error, traceback)
             tables = measure.failed(experiment, error)
         workspace.put(tables)

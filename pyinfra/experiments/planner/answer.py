@@ -37,7 +37,7 @@ from pyinfra.metrics.comparison import Interval
 from pyinfra.scenes.maps.site_traffic import lacking_traffic
 
 FOOT_M = 0.3048
-FEET_M = 12.0  # heights above this may have been given in feet
+FEET_M = 12.0  # heights above 12 m may have been given in feet
 MOST_FRAMES = 2000  # maximum number of frames of a proposed simulation
 Option = tuple[Choice, Standing]
 

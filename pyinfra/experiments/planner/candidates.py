@@ -21,21 +21,21 @@ from pyinfra.scenes.maps.site_folder import check_metres
 
 POSE = ["x_m", "y_m", "z_m", "yaw_deg", "pitch_deg"]
 KERB_M = 0.8  # distance of a pole from the edge of the carriageway
-KERB_TOLERANCE_M = 0.1  # error of distances to centrelines with a point each metre
+KERB_TOLERANCE_M = 0.1  # tolerance of KERB_M, because centrelines have one point per metre
 WALL_M = 0.3  # distance of a LiDAR from the wall that carries it
-WALL_TO_ROAD_M = 20.0  # walls farther than this from every carriageway carry no LiDAR
-LEAST_MEDIAN_M = 1.0  # medians below this width carry no pole
-SEARCH_M = 20.0  # distance within which a free place is searched
-ISLAND_M = 6.0  # places with carriageway within this distance all around carry no pole
-APART_M = 1.0  # positions closer than this to an earlier position are left out
+WALL_TO_ROAD_M = 20.0  # maximum distance of a wall with a LiDAR from the nearest carriageway
+LEAST_MEDIAN_M = 1.0  # minimum width of a median that carries a pole
+SEARCH_M = 20.0  # maximum distance from an impossible pose to a proposed free place
+ISLAND_M = 6.0  # a place with carriageway within 6 m on every side carries no pole
+APART_M = 1.0  # minimum distance between two positions; the later one is left out
 WORDS = frozenset({"existing", "kind", "name", "lidar", "left_out"})
 # Columns of an arm from the mast at x_m, y_m. The bearing is 0 to the north and 90 to the east.
 ARM = ["arm_m", "bearing_deg"]
-# Columns of a file of poses. They include those of candidates.csv, so that users can copy its rows.
+# Columns of a file of poses, including all columns of candidates.csv, whose rows can be copied.
 COLUMNS = (*POSE, *ARM, "existing", *(WORDS - {"existing"}), "height_m", "frames", "recall")
 MOST_ARM_M = 30.0
-FOOT = ["foot_x_m", "foot_y_m"]  # position of the pole or mast; with an arm it is not x_m, y_m
-MOST_GIVEN = 12  # if the user gives more positions, not each has an option in the tables
+FOOT = ["foot_x_m", "foot_y_m"]  # columns with the position of the pole or mast
+MOST_GIVEN = 12  # maximum number of the user's positions that each get an option in the tables
 GIVEN = ("file", "arm")  # kinds of poses that the user gives
 TRIED_M = (5.0, 8.0, 12.0)  # heights above the road to try for a pose below the road
 GRID_RANGES = {
@@ -53,7 +53,7 @@ class PoseGrid:
 
     every_m: float = 15.0
     heights_m: tuple[float, ...] = (4.0, 6.0, 8.0)
-    yaws: int = 3  # directions of narrow LiDARs: to the centre, and turned to both sides
+    yaws: int = 3  # number of yaw angles of a LiDAR with a narrow view, the first one to the centre
     yaw_step_deg: float = 45.0
     pitches_deg: tuple[float, ...] = (0.0, 10.0)
 
@@ -268,11 +268,11 @@ def off_carriageways(places: FloatArray, roads: Sequence[Road]) -> BoolArray:
     """Returns which places (n, 2) are beside the carriageways and not enclosed by them."""
     beside = nearest_roads(roads, places)[1] >= KERB_M - KERB_TOLERANCE_M
     angles = np.arange(0, 2 * np.pi, np.pi / 8)
-    ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)  # (16, 2)
-    steps = np.arange(1, ISLAND_M + 1)[:, None, None] * ways  # (metres, 16, 2)
-    around = places[beside, None, None] + steps  # (places, metres, 16, 2)
+    ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)  # 16 unit vectors, (16, 2)
+    steps = np.arange(1, ISLAND_M + 1)[:, None, None] * ways  # shape (metres, directions, 2)
+    around = places[beside, None, None] + steps  # shape (places, metres, directions, 2)
     on_road = nearest_roads(roads, around.reshape(-1, 2))[1] <= 0
-    in_direction = np.any(on_road.reshape(around.shape[:-1]), axis=1)  # (places, 16)
+    in_direction = np.any(on_road.reshape(around.shape[:-1]), axis=1)  # shape (places, directions)
     beside[beside] = ~np.all(in_direction, axis=1)
     return beside
 

@@ -18,7 +18,7 @@ from pyinfra.experiments.planner.verdict import LISTED, Compared, in_order
 from pyinfra.metrics.comparison import Interval, clipped
 from pyinfra.metrics.intervals import student
 
-MOST_SIMULATED = 6  # maximum number of options simulated in full, besides one of another kind
+MOST_SIMULATED = 6  # maximum number of simulated options, plus one with other LiDARs or pole count
 
 
 def check(setting: Setting, chosen: Compared) -> tuple[Compared, dict[tuple[int, ...], Found]]:

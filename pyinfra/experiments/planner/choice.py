@@ -18,8 +18,8 @@ from pyinfra.experiments.planner.observe import Observed, Setting
 from pyinfra.experiments.planner.predict import detection_probabilities
 from pyinfra.experiments.planner.request import Request
 
-BEST_PAIRS = 200  # number of pairs of units that are kept
-SHOWN = 12  # number of pairs in the table
+BEST_PAIRS = 200  # number of best pairs of units whose exact value is computed
+SHOWN = 12  # number of best options that are kept for one unit, and for two units
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +27,12 @@ class Units:
     """What a choice needs to know of n units."""
 
     probability: Float32Array  # (n, objects) probability that the unit finds the object
-    weight: FloatArray  # (objects,)
-    place: IntArray  # (n,) number of the pole
+    weight: FloatArray  # (objects,) weight of each object in the choice
+    place: IntArray  # (n,) number of each unit's pole
     existing: BoolArray  # (n,) whether the pole exists already
-    lidars: Sequence[PlanLidar]  # (n,)
+    lidars: Sequence[PlanLidar]  # (n,) LiDAR of each unit
     costs: Costs
-    given: IntArray | None = None  # (n,) number of the user's position, else -1; None: all are -1
+    given: IntArray | None = None  # (n,) number of the user's position or -1; None if all are -1
 
     def given_at(self, unit: int) -> int:
         """Returns the number of the user's position of a unit, -1 for a pose that was made."""
@@ -80,7 +80,7 @@ class Choice:
     value: float
     price: Range
     bound: float
-    method: str  # `exact` or `greedy`
+    method: str  # search method, `exact` or `greedy`
 
     @property
     def gap(self) -> float:

@@ -223,7 +223,7 @@ def possible(
     """
     prices = np.array([[costs.price([one], new, 1).middle for one in lidars] for new in (1, 0)])[
         poses.existing.to_numpy(int)
-    ]  # (poses, lidars)
+    ]  # shape (poses, lidars)
     if prices.min() > budget_usd:
         raise Error(
             f"budget_usd: expected {math.ceil(prices.min()):,} or more for a pole with a LiDAR, "

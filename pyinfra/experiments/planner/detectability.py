@@ -20,7 +20,7 @@ from pyinfra.core.names import check_name
 from pyinfra.dataset.frames_version import FIRST
 
 FILE = Path(__file__).with_name("detectability.json")
-CUTS = tuple(round(0.05 + 0.05 * i, 2) for i in range(19))  # minimum scores of boxes in the laws
+CUTS = tuple(round(0.05 + 0.05 * i, 2) for i in range(19))  # possible minimum scores of boxes
 CUT = 0.5  # minimum score of a box, if the user sets no maximum rate of false boxes
 OBJECT_TERMS = (
     "constant", "log_points", "log_points_2", "log_along", "log_up", "distance", "log_distance",
@@ -34,8 +34,8 @@ LARGE, SMALL = ("Truck", "Bus"), ("Motorcycle", "Pedestrian")
 class Law:
     """Coefficients of a class: those of the fit in row 0, then those of its replicates."""
 
-    detection: FloatArray  # (1 + replicates, OBJECT_TERMS)
-    false: FloatArray  # (1 + replicates, FALSE_TERMS)
+    detection: FloatArray  # coefficients of detection probability, (1 + replicates, OBJECT_TERMS)
+    false: FloatArray  # coefficients of the rate of false boxes, (1 + replicates, FALSE_TERMS)
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ class Detectability:
     vehicles: Law
     people: Law | None
     unseen: UnseenErrors
-    gains: dict[str, float]  # AP that fine-tuning adds, by LiDAR; has measured LiDARs only
-    frames_version: str = FIRST  # the laws and the detector learnt from these frames
+    gains: dict[str, float]  # AP that fine-tuning adds, for each measured LiDAR
+    frames_version: str = FIRST  # version of the frames used for the detector and the fit
 
 
 def read_detectability(detector: str, file: Path = FILE) -> Detectability:

@@ -40,7 +40,7 @@ from pyinfra.experiments.planner.request import (
 from pyinfra.experiments.planner.site import other_traffic
 from pyinfra.experiments.planner.verdict import Compared
 
-UNSEEN_FRAMES = 48  # frames of the predictions; their traffic is not that of the choice
+UNSEEN_FRAMES = 48  # number of frames for predictions, in traffic other than that of the choice
 CELL_M = 5.0
 
 
@@ -62,11 +62,11 @@ class Front:
 
     table: pd.DataFrame  # a row for each LiDAR of each option, as in Plan.options
     goals: tuple[Goal, ...]
-    sentences: tuple[tuple[str, ...], ...]  # for each option and each distance of the goals
-    costs: pd.DataFrame  # option, item, low_usd, high_usd
+    sentences: tuple[tuple[str, ...], ...]  # a sentence for each option and distance of the goals
+    costs: pd.DataFrame  # table with the columns option, item, low_usd and high_usd
     cells: Cells
     frames: int
-    pilot: bool  # whether the detectability has fewer sites than a decision needs
+    pilot: bool  # whether the detectability was fitted to fewer sites than a decision needs
     unconfirmed: tuple[str, ...]  # LiDARs and items of the costs whose price is unconfirmed
 
 

@@ -42,7 +42,7 @@ class Setting:
     effort: Effort
     law: Detectability
     costs: Costs
-    poses: pd.DataFrame  # possible poses
+    poses: pd.DataFrame
     lidars: Sequence[PlanLidar]  # LiDARs within the budget
 
 
@@ -51,9 +51,9 @@ class Objects:
     """The objects of some frames, in the order of `PlanSite.present`, and their weights."""
 
     table: pd.DataFrame
-    weight: FloatArray  # (n,) 0 for an object that the choice does not include
+    weight: FloatArray  # (n,) weight of each object; 0 if the choice ignores the object
     near: BoolArray  # (n,) whether the object lies within the distance of the request
-    frame: IntArray  # (n,) index of the frame
+    frame: IntArray  # (n,) index of each object's frame
     frames: int  # number of frames, including frames without an object
 
     @property
@@ -71,8 +71,8 @@ class Objects:
 class Observed:
     """Pairs of pose and LiDAR, and the observations of those that were not left out."""
 
-    pairs: pd.DataFrame  # pose, lidar, frames, spinning, recall, left_out
-    seen: pd.DataFrame  # observations of the pairs that stayed, with `pair` and `object`
+    pairs: pd.DataFrame  # columns pose, lidar, frames, spinning, recall, left_out
+    seen: pd.DataFrame  # observations of the pairs that were not left out; has columns pair, object
     objects: Objects
 
     @property
@@ -173,7 +173,7 @@ def observe(
         some = where[chunk], wanted[chunk]
         if folder is None:
             return _observed(site.observer, some[0], lidars, some[1], frames)
-        # The name of a part changes with anything on which observations depend.
+        # The file name is a hash of all inputs, so that other inputs give another file.
         text = repr((inputs, *(one.tolist() for one in some)))
         file = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:20]}.npy"
         rows = _kept(file)
@@ -198,7 +198,7 @@ def _kept(file: Path) -> AnyArray | None:
     """Returns the rows of a finished part, or None for a missing or damaged file."""
     try:
         rows: AnyArray = np.load(file)
-    except (OSError, ValueError, EOFError, SyntaxError):  # NumPy parses the header as Python
+    except (OSError, ValueError, EOFError, SyntaxError):  # NumPy parses a header as Python code
         return None
     return rows if {"at", "lidar", "frame"} <= {*(rows.dtype.names or ())} else None
 

@@ -90,7 +90,8 @@ class Plan(Presented):
     front: Front
     lidars: tuple[PlanLidar, ...]  # LiDARs within the budget
     counting: Counting | None = None
-    above_budget: dict[str, float] = field(default_factory=dict)  # price by LiDAR, above the budget
+    # prices of the LiDARs whose price is above the budget
+    above_budget: dict[str, float] = field(default_factory=dict)
 
     def facts(self) -> dict[str, object]:
         first = self.options[self.options.option == 1]
@@ -220,7 +221,7 @@ def plan(
     site = open_site(scene, frames, preset=preset, seed=seed, centre_m=centre_m, period_s=period_s)
     check_site(site, request, law, check_frames, drawn=areas is not None)
 
-    # Candidates: poses and LiDARs.
+    # Make the candidates: poses and LiDARs.
     asked = open_lidars(lidars, site)
     units = affordable(asked, priced, budget_usd)
     made = (
@@ -238,7 +239,7 @@ def plan(
         # Observe each pair of pose and LiDAR in a few frames, and drop the worse pairs in stages.
         raced = race(setting, allowed)
 
-        # Choose, and check the best options in full.
+        # Choose options, and simulate the best ones in full.
         compared, found = check(setting, choose(setting, raced))
 
         # Vary prices and conditions, and count the passages of the first option.
@@ -250,7 +251,7 @@ def plan(
         sensitivity = sensitivity_table(rows)
         counting = None if count is None else count_option(site, parts, detector)
 
-        # Answer.
+        # Make the tables and the answer.
         of_front = option_table(compared, setting, in_rain)
         options = of_front[of_front.option <= compared.listed].copy()
         every = candidate_table(table, raced.pairs, setting.poses, units)

@@ -38,12 +38,12 @@ class Standing:
 
     recall: Interval  # recall of vehicles within the distance of the request
     people: Interval
-    shares: Mapping[str, Interval]  # share of each goal, by its column
-    weighted: float  # share of all objects by their weights
+    shares: Mapping[str, Interval]  # share of each goal's objects that is found, by column
+    weighted: float  # weighted share of all objects that is found
     false_per_frame: Interval
     ap: Interval  # AP of all vehicles of the region, 0 to 100
-    position_m: float  # 95 % of the positions of found vehicles are within this; NaN if predicted
-    source: str  # SIMULATED or PREDICTED
+    position_m: float  # 95th percentile of the position error of found vehicles; NaN if predicted
+    source: str  # source of the figures, SIMULATED or PREDICTED
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Prediction:
     standing: Standing
     areas: dict[str, Interval]  # share of the objects in each area of the request that is found
     false_per_frame: Interval
-    keeps_false: bool  # whether the asked rate of false boxes can be kept at any score
+    keeps_false: bool  # whether some minimum score keeps the requested rate of false boxes
     cut: float  # minimum score of a box
     probability: FloatArray  # (objects,) probability that the option finds each object
 
@@ -128,13 +128,13 @@ def predict(
     rates = false_per_frame(law.vehicles.false.T, cut, per_frame, spinning)[0]
     logs, rate = np.log(np.maximum(rates, 1e-9)), float(rates[0])
     factor = float(np.exp(_half_width(logs, law.unseen.log_false**2)))
-    false = Interval(rate, rate / factor, rate * factor)  # symmetric in the logarithm
+    false = Interval(rate, rate / factor, rate * factor)  # symmetric interval of the logarithm
     standing = Standing(
         recall=share(objects.near_vehicles),
-        people=share(objects.near & person),  # even if they have no weight in the choice
+        people=share(objects.near & person),  # computed even if people have no weight in the choice
         shares={name: share(counted) for name, counted in more.items()},
         weighted=float(probability[:, 0] @ objects.weight / objects.total),
-        # If no score keeps the requested rate, the interval has no rate below the predicted one.
+        # If no score keeps the requested rate, the interval begins at the predicted rate.
         false_per_frame=false if keeps else replace(false, low=rate),
         ap=_limited(
             _aps(of_vehicles, law.vehicles, per_frame, spinning, objects), 100, law.unseen.ap**2

@@ -24,7 +24,7 @@ from pyinfra.experiments.planner.predict import detection_probabilities
 from pyinfra.experiments.planner.request import Request
 
 FIRST_FRAMES = 6
-LEAST_PER_LIDAR = 3  # number of pairs of each LiDAR that always stay
+LEAST_PER_LIDAR = 3  # number of best pairs of each LiDAR that are never left out as worse
 
 
 def race(setting: Setting, possible: BoolArray) -> Observed:
@@ -60,7 +60,7 @@ def race(setting: Setting, possible: BoolArray) -> Observed:
         limited = limit(stay, pairs, request.most, end) | always
         pairs.loc[stay & ~limited, "left_out"] = f"over the limit of pairs after {end} frames"
         alive = limited
-    number = np.cumsum(alive) - 1  # number of each pair among those that stayed
+    number = np.cumsum(alive) - 1  # new number of each remaining pair
     seen = seen[alive[seen.pair]].assign(pair=lambda t: number[t.pair]).reset_index(drop=True)
     return Observed(pairs, seen, objects)
 
@@ -134,7 +134,7 @@ def limit(stay: BoolArray, pairs: pd.DataFrame, first: int, frames: int) -> Bool
     most = max(int(first * FIRST_FRAMES / frames), LEAST_PER_LIDAR)
     if stay.sum() <= most:
         return stay
-    # Each LiDAR keeps its share, so that no LiDAR is left out before its best pose is known.
+    # Each LiDAR keeps equally many pairs, so that none is left out before its best pose is known.
     rank = pairs.recall.where(stay).groupby(pairs.lidar).rank(ascending=False, method="first")
     order = np.lexsort((-pairs.recall.fillna(-1).to_numpy(), rank.fillna(1e9).to_numpy()))
     return stay & np.isin(np.arange(len(stay)), order[:most])

@@ -19,7 +19,7 @@ from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.formats.csv_table import check_columns, expect, read_csv
 from pyinfra.scenes.maps import site_folder
 
-DISTANCES = (1.0, 0.5, 1.5)  # factors on the request's distance; each has a front
+DISTANCES = (1.0, 0.5, 1.5)  # factors of the request's distance; each has its own best options
 RANGES = {  # allowed ranges of arguments of `plan`
     "budget_usd": (1, 1e9),
     "within_m": (5, 500),
@@ -36,7 +36,7 @@ CLASSES = ("vehicle", "person", "any")
 CROSSINGS = "the crossings"
 BESIDE_M = 10.0  # width beside a carriageway in which people walk
 CROSSING_M = 6.0  # radius around the middle of a crossing of a map
-ENDS = ("low", "high", "in_choice", "in_rain", "simulated")  # ends of column names in the tables
+ENDS = ("low", "high", "in_choice", "in_rain", "simulated")  # suffixes of columns in the tables
 AREA_COLUMNS = ("name", "x_m", "y_m", "radius_m")
 
 
@@ -66,7 +66,8 @@ class Request:
     budget_usd: float
     find: float = 0.9  # share of the objects to be found in a frame, 0 to 1
     within_m: float = 60.0  # distance from the centre of the site within which objects are included
-    false_per_minute: float = math.inf  # maximum; if infinite, the minimum score is 0.5
+    # maximum rate of false boxes; if infinite, the minimum score of a box is 0.5
+    false_per_minute: float = math.inf
     poles: int = 1  # maximum number of poles
     lidars_per_pole: int = 1  # maximum number of LiDARs on a pole
     people: float = 0.0  # weight of a person relative to a vehicle in the choice
@@ -99,10 +100,10 @@ class Effort:
     """What a plan computes after its search, and how."""
 
     check_frames: int = 30  # frames in which the best options are simulated in full; 0 for none
-    count: float | None = None  # share of the passages that option 1 must count; None: no count
-    jobs: int = 1  # threads
+    count: float | None = None  # share of passages that option 1 must count; None for no count
+    jobs: int = 1  # number of threads
     observations: Path | None = None  # folder of observations, from which a plan can resume
-    tell: Callable[[str], None] = show_line  # called with a line for each stage
+    tell: Callable[[str], None] = show_line  # function that gets a line for each stage
 
 
 def check_request(request: Request, effort: Effort, law: Detectability) -> None:
@@ -136,9 +137,10 @@ class Goal:
     """What is to be found: objects of a class within a distance, or the objects of an area."""
 
     column: str  # column with the share of the goal
-    what: str  # vehicles, pedestrians or the name of an area
-    within_m: float | None  # None for an area
-    counted: BoolArray = field(default_factory=lambda: np.zeros(0, bool))  # (objects,)
+    what: str  # kind of objects: vehicles, pedestrians or the name of an area
+    within_m: float | None  # maximum distance of the objects; None for an area
+    # whether each object counts for the goal, shape (objects,)
+    counted: BoolArray = field(default_factory=lambda: np.zeros(0, bool))
 
 
 def goals_of(

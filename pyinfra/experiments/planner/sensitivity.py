@@ -30,7 +30,7 @@ COLUMNS = [
     "case", "option", "chosen", "lidars", "poles", "price_usd",
     "recall", "recall_low", "recall_high", "change", "change_low", "change_high", "source",
 ]  # fmt: skip
-RAIN_MM_PER_H = 25.0  # heavy rain
+RAIN_MM_PER_H = 25.0  # rate of heavy rain
 RAIN = f"rain {RAIN_MM_PER_H:g} mm/h"
 IN_RAIN = {"weather.rain_mm_per_h": RAIN_MM_PER_H}
 RAIN_FRAMES = 24
@@ -38,7 +38,7 @@ FURTHER_M, LOWER_M, TILT_DEG, YAW_DEG = 2.0, 0.5, 0.5, 0.5
 LANE_M = 3.5
 LORRY_SIZE_M = (12.0, 2.55, 4.0)  # largest lorry of two or three axles in the EU (96/53/EC)
 CLEARANCE_M = 0.3  # clearance below the lorry's body
-LORRY_M = 9.0  # objects nearer than this to the lorry's middle are left out
+LORRY_M = 9.0  # distance from the lorry's middle within which objects are left out
 BOX_FACES = [  # triangles of corner indices; 0 to 3 are the lower corners, 4 to 7 the upper
     (0, 2, 1), (0, 3, 2), (4, 5, 6), (4, 6, 7), (0, 1, 5), (0, 5, 4),
     (1, 2, 6), (1, 6, 5), (2, 3, 7), (2, 7, 6), (3, 0, 4), (3, 4, 7),
@@ -59,7 +59,7 @@ PRICES: dict[str, tuple[bool, tuple[str, ...]]] = {
 class Move:
     """The choice with other prices; None if no option is within the budget then."""
 
-    prices: str  # a key of PRICES
+    prices: str  # group of changed prices, a key of PRICES
     percent: int
     choice: Choice | None
 
@@ -73,7 +73,8 @@ class Case:
     scene: Mapping[str, object] = field(default_factory=dict)
     lost: int | None = None  # number of a LiDAR that fails
     yaw_error_deg: float = 0.0
-    without: tuple[float, float] | None = None  # x y; objects within LORRY_M are left out
+    # position x, y of a lorry; objects within LORRY_M of the position are left out
+    without: tuple[float, float] | None = None
 
 
 def cases_of(site: PlanSite, parts: Parts) -> list[Case]:

@@ -53,7 +53,7 @@ Parts = Sequence[tuple[Sequence[float], simulation.Lidar]]  # pose and LiDAR of 
 class Found:
     """The objects in the frames of a simulated option, and which of them have a box."""
 
-    objects: pd.DataFrame  # frame (index), person, x, y (world), found, away (error of the box, m)
+    objects: pd.DataFrame  # columns frame, person, x, y (world), found, away (box error, m)
     frames: int
     false: FloatArray  # (frames,) false boxes of each frame
     ap: Interval
@@ -87,11 +87,11 @@ def simulate_option(
     turned alternately to the left and to the right.
     """
     tables, false, aps, start = [], [], [], 0
-    replicates = FEWEST if yaw_error_deg else REPLICATES  # with an error there are no intervals
+    replicates = FEWEST if yaw_error_deg else REPLICATES  # no intervals are used with a yaw error
     for seed, numbers in traffic or traffic_of(site, frames):
         alone = [frames_at(site, *part, numbers, seed=seed, scene=scene) for part in parts]
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", ".* used on frames")  # the answer has this warning
+            warnings.filterwarnings("ignore", ".* used on frames")  # the plan gives this warning
             result = measure_frames(fused(alone, yaw_error_deg), detector, replicates)
         at = {number: start + k for k, number in enumerate(sorted(numbers))}
         start += len(numbers)
@@ -156,7 +156,7 @@ class Measured:
     """What a detector found in the frames of an option."""
 
     vehicles: Evaluation
-    people: Evaluation | None  # None without pedestrians in the frames
+    people: Evaluation | None  # None if the frames have no pedestrians
 
 
 def frames_at(
@@ -222,7 +222,7 @@ class Counting:
     passages: int  # true passages over all lines
     counted: int  # true passages that match a passage of a track
     extra: int  # passages of tracks that match no true passage
-    speed_error_km_h: float  # median error
+    speed_error_km_h: float  # median error of the speeds of the tracks
     has_lines: bool = True  # whether a line can be drawn across the roads
 
     @property
@@ -251,7 +251,7 @@ def count_option(site: PlanSite, parts: Parts, detector: str, seconds: float = S
     except Error:
         return Counting(frames * site.period_s, 0, 0, 0, math.nan, has_lines=False)
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", ".* used on frames")  # the answer has this warning
+        warnings.filterwarnings("ignore", ".* used on frames")  # the plan gives this warning
         tracks = track(detect(detector_for(sequence, detector), sequence), sequence)
     result = evaluate_tracks(sequence, tracks, within_m=WITHIN_M, lines=lines)
     extra = int((result.passages.true_id < 0).sum())

@@ -24,9 +24,9 @@ from pyinfra.scenes.maps.map_file import FORMATS, PACKED
 from pyinfra.scenes.maps.network import read_network
 from pyinfra.scenes.maps.site_folder import NET, check_metres, scene_of
 
-LEAST_TO_SPLIT = 6  # with fewer frames of recorded traffic, each purpose uses all frames
-NEAR_M = 80.0  # a map's junction within this distance of the mount is the centre
-PATTERN_FRAMES = 200  # frames after which the prisms of the Livox LiDARs repeat
+LEAST_TO_SPLIT = 6  # minimum number of recorded frames that are divided between choice and check
+NEAR_M = 80.0  # maximum distance from the mount to a map's junction that becomes the centre
+PATTERN_FRAMES = 200  # number of frames after which the Livox scan patterns repeat
 GOLDEN = (math.sqrt(5) - 1) / 2
 
 
@@ -57,7 +57,7 @@ class PlanSite:
     roads: tuple[Road, ...]  # the evaluation region, world frame
     every_frame: int  # number of frames of the scene
     frames: tuple[int, ...]  # frame numbers, in the order of observation
-    present: pd.DataFrame  # every object in the region: frame, id, type, person, x, y, speed
+    present: pd.DataFrame  # objects in the region; columns frame, id, type, person, x, y, speed
     centre: FloatArray  # (2,) origin of the distances of the request, world frame
     observed: SiteObserver
     period_s: float = PERIOD_S  # frame period of the LiDARs

@@ -16,8 +16,8 @@ from pyinfra.experiments.planner.request import Goal, Request
 
 Standings = Mapping[tuple[int, ...], Standing]
 Verdict = Literal["met", "not known", "not met"]
-Condition = Literal["find", "false_per_minute"]  # keys of a request
-LISTED = 3  # options that are described in full
+Condition = Literal["find", "false_per_minute"]  # names of fields of Request
+LISTED = 3  # number of options that are described in full
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +25,10 @@ class Compared:
     """The options of a plan, the chosen one first, and the figures on which the verdict rests."""
 
     options: Sequence[Choice]
-    best: Sequence[Choice]  # those of this request; the others are best for other settings
+    best: Sequence[Choice]  # best options of this request; others are best for other settings
     listed: int  # number of options in the table; the other options are those of the front
     units: Units
-    goals: tuple[Goal, ...]  # goals that count the objects of `unseen`
+    goals: tuple[Goal, ...]  # goals, counted over the objects of `unseen`
     standings: Standings
     predicted: Callable[[tuple[int, ...]], Prediction]
     unseen: Observed  # observations in traffic other than that of the choice
@@ -79,7 +79,7 @@ def frames_needed(one: Standing, request: Request, frames: int) -> dict[Conditio
             if name == "false_per_minute":
                 figure, limit = one.false_per_frame, request.most_false
             away = abs(figure.value - limit)
-            # One end may be clipped, so the longer side is used.
+            # One end of the interval may be clipped, so the longer side is used.
             half = max(figure.high - figure.value, figure.value - figure.low)
             needed[name] = frames * (half / away) ** 2 if away else math.inf
     return needed

@@ -28,7 +28,7 @@ from pyinfra.formats import kitti
 
 # Keys in dataset.yaml that a run adds to the keys of the scene.
 NOT_OF_THE_SCENE = ("surfaces", "preset", "version", "frames_version")
-PHASES = 16  # number of random angles; in a bundle with more spinning units, they repeat
+PHASES = 16  # number of random cut angles; a bundle with more spinning units repeats them
 SCENE = "scene.yaml"
 
 
@@ -39,7 +39,7 @@ class Base:
     folder: Path
     lidar: kitti.Lidar
     scene: dict[str, Any]  # keys that the run resolved, with absolute paths; empty if unknown
-    frames: tuple[int, ...]  # ascending
+    frames: tuple[int, ...]  # frame numbers, ascending
 
     @property
     def scene_name(self) -> str:
@@ -65,7 +65,7 @@ class Base:
                 infrasim("check", self.folder.parent / "dataset.yaml", "--canonical")
             )
             text = infrasim("check", lidar_yaml, "--canonical")
-        except SimulatorError:  # a recording, or a simulation whose files were changed
+        except SimulatorError:  # the data are a recording, or simulated files that were changed
             return f"{self.scene}\n{lidar_yaml.read_text('utf-8')}"
         return f"{_scene(keys, self.folder)}\n{text}\nframes_version: {keys['frames_version']}"
 
@@ -85,11 +85,11 @@ class Base:
 class AlteredScene:
     """Differences of a simulation from the base; an empty field means no difference."""
 
-    set: tuple[str, ...] = ()  # KEY=VALUE
-    lidar: str = ""  # name in the catalogue
-    scene: str = ""  # name in the catalogue
+    set: tuple[str, ...] = ()  # changed keys of the scene, as KEY=VALUE
+    lidar: str = ""  # name of a LiDAR in the catalogue
+    scene: str = ""  # name of a scene in the catalogue
     preset: str = ""
-    turns_deg: tuple[float, ...] = ()  # turns of the units' cut angles; they repeat
+    turns_deg: tuple[float, ...] = ()  # angles by which the units' cut angles are turned
 
 
 def read_base(folder: Path, most: int) -> Base:
@@ -116,8 +116,8 @@ def read_base(folder: Path, most: int) -> Base:
 def _scene(keys: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Returns the scene of a `dataset.yaml`, ready to be simulated again."""
     scene = {key: value for key, value in keys.items() if key not in NOT_OF_THE_SCENE}
-    # The name is relative to the folder of the original scene file. A run copies the trajectories,
-    # so the copy is used.
+    # The key `trajectories` is relative to the folder of the original scene file. A run copies
+    # the trajectories, so the copy is used.
     if scene.get("trajectories"):
         scene["trajectories"] = str(resolved(folder.parent / "trajectories.csv"))
         _tell_from_first(scene["mounts"])

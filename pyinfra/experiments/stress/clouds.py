@@ -75,7 +75,7 @@ def _attenuated(points: Points, extinction_per_m: float, replicates: Rng) -> Poi
     kept = points[through]
     kept[:, 3] *= transmission[through]
     drops = ~through & (drop < DROPS_SHARE) & (ranges > DROPS_FROM_M)
-    # Inverse of the distribution with density 1/z^2 between DROPS_FROM_M and the range.
+    # Ranges z of drops have density 1/z^2 between DROPS_FROM_M and the range of the lost point.
     near, far = 1 / DROPS_FROM_M, 1 / ranges[drops]
     fallen = scaled(points[drops], 1 / (near - fraction[drops] * (near - far)) / ranges[drops])
     fallen[:, 3] = DROPS_INTENSITY

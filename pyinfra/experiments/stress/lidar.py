@@ -11,7 +11,7 @@ from pyinfra.core.files import resolved
 from pyinfra.formats.kitti import read_written_keys
 
 Keys = dict[str, Any]
-read = read_written_keys  # all keys of a `lidar.yaml`, with its preset applied
+read = read_written_keys  # reads all keys of a `lidar.yaml`, with its preset applied
 
 DESCRIPTIVE_KEYS = ("name", "model")
 UNIT = ("yaw_deg", "pitch_deg", "pattern", "returns")

@@ -21,7 +21,7 @@ from pyinfra.experiments.stress.stressors import STRESSORS, chosen
 from pyinfra.experiments.stress.trials import Trial
 from pyinfra.models.inference.boxes_table import TrainedDetector
 
-FRAMES = 60  # largest number of frames, evenly spread
+FRAMES = 60  # maximum number of frames, evenly spread over the test frames
 Model = TrainedDetector | str | os.PathLike[str]
 
 

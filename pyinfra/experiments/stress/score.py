@@ -28,7 +28,9 @@ from pyinfra.models.detectors import Detections
 
 BANDS_M = {"near": (0.0, 40.0), "mid": (40.0, 70.0), "far": (70.0, math.inf)}
 ERRORS = ("background", *(f"misses_{band}" for band in BANDS_M), "position", "heading")
-PARTNER_M = 2.0  # maximum distance of centres; for long vehicles it is half the length
+# Maximum distance between the centres of a false positive and an unmatched vehicle. For long
+# vehicles it is half the length.
+PARTNER_M = 2.0
 COLUMNS = (
     "ap",
     "ap_low",

@@ -16,10 +16,10 @@ from pyinfra.experiments.stress.altered_scenes import AlteredScene, Base
 from pyinfra.models.training import sensor_faults
 
 Severity = float | str
-UNSTRESSED = "own"  # severity without stress of a stressor whose severities are names
+UNSTRESSED = "own"  # severity without stress, for stressors whose severities are names
 CloudChange = Callable[[Points, float, sensor_faults.Rng], Points]
 SceneChange = Callable[[Base, Severity], AlteredScene]
-Need = Callable[[Base], str]  # returns why a base misses a requirement, or an empty text
+Need = Callable[[Base], str]  # returns why the base frames do not suffice, or an empty text
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Stressor:
     """
 
     name: str
-    unit: str  # `name` if the severities are names
+    unit: str  # unit of the severities; `name` for severities that are names
     severities: tuple[Severity, ...]  # the first severity means no stress
     cloud: CloudChange | None = None
     scene_change: SceneChange | None = None
@@ -193,7 +193,7 @@ STRESSORS = {
             scene_change=altered_scenes.pole_yaw,
             needs=POLES,
         ),
-        # The severities of these two stressors are the training frames and seeds of the runs.
+        # Severities of training_frames and training_seed are the runs' training frames and seeds.
         Stressor("training_frames", "frames", ()),
         Stressor("training_seed", "name", (UNSTRESSED,)),
     )

@@ -10,16 +10,18 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.experiments.stress.score import ERRORS
 from pyinfra.experiments.stress.stressors import NONE, STRESSORS, UNSTRESSED, Stressor
 
-CURVE = "detector run lidar preset scene seed frames".split()  # key of a curve besides stressor
+# Columns that, together with `stressor`, identify a curve.
+CURVE = "detector run lidar preset scene seed frames".split()
 FALL = 10.0  # decrease in AP that counts as a failure
-LEAST_SHARE = 0.2  # an error causes the fall if its cost is at least this share of the fall
+LEAST_SHARE = 0.2  # minimum share of the decrease for which an error counts as its cause
 BEYOND = "beyond"
 COLUMNS = [
     *CURVE,
     *"stressor unit severities ap_none ap_least severity_least falls_by_10 falls_to_half".split(),
     *"fails_first largest_blame share_of_fall gentleness".split(),
 ]
-GROUP = "lidar preset scene seed frames".split()  # detectors with equal values here are ranked
+# Columns whose values are equal within a ranking of detectors.
+GROUP = "lidar preset scene seed frames".split()
 RANKING = [*GROUP, "rank", "detector", "run", "gentleness", "stressors"]
 
 
@@ -56,7 +58,7 @@ def _ordered(curve: pd.DataFrame, stressor: Stressor) -> pd.DataFrame:
         at = curve.severity.map(order.index).astype(np.float64)
         return curve.assign(at=at).sort_values("at", ignore_index=True)
     curve = curve.assign(at=curve.severity.astype(float))
-    # A training with fewer frames is the higher severity.
+    # A training with fewer frames has the higher severity.
     sign = -1 if stressor.name == "training_frames" else 1
     curve = curve[sign * curve["at"] >= sign * curve["at"].iloc[0]]
     return curve.sort_values("at", ascending=sign > 0, ignore_index=True, kind="stable")

@@ -24,7 +24,7 @@ from pyinfra.models.detectors import Detector
 from pyinfra.models.inference.detect import detect, detector_at, model_file
 from pyinfra.models.training.provenance import is_among, read_provenance
 
-# Key of a row. A trial that has a row is not computed again.
+# Columns that identify a row. A trial with a row in the table is not computed again.
 KEY = "detector run lidar preset scene stressor severity seed frames".split()
 COLUMNS = (
     *KEY,
@@ -246,7 +246,7 @@ def attempt(trial: Trial, base: Base, out: Path, seed: int) -> Exception | None:
     traceback = out / "tracebacks" / f"{'_'.join(key_of(trial, base, seed).values())}.txt"
     try:
         fill(trial, base, out, seed)
-    except Exception as error:  # any error: the other trials continue
+    except Exception as error:  # after any error, the other trials continue
         if trial.stressor is NONE:
             raise
         keep_traceback(error, traceback)

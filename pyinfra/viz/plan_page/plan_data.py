@@ -15,8 +15,8 @@ from pyinfra.experiments.planner.request import distances
 from pyinfra.viz.plan_page.site_map import site_map, window_of
 
 FORMAT = 4  # version of the format of the data
-LEVELS = 50  # steps in which the share of a cell is stored
-FIRST_CODE = 48  # character code of the share 0
+LEVELS = 50  # number of steps in which a cell's share of found vehicles is stored
+FIRST_CODE = 48  # code of the character that stores the share 0
 COSTS = {
     "lidar_usd": "LiDARs",
     "pole_usd": "new poles",
@@ -26,7 +26,7 @@ COSTS = {
     "power_usd": "power",
     "upkeep_usd": "upkeep",
 }
-POWER = ("lidar_w", "computer_w", "usd_per_kwh")  # items that the page names `power`
+POWER = ("lidar_w", "computer_w", "usd_per_kwh")  # items that the page combines as `power`
 
 Row = Mapping[str, Any]
 

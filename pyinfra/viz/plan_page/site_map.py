@@ -29,7 +29,7 @@ CROSSING_M = 1.5
 STOPS, STOP_M = ("bus_stop", "platform"), 3.0
 MOST_TRIANGLES = 20_000  # maximum number of triangles of meshes; further triangles are left out
 SCALES_M = (10, 20, 50, 100)
-SURFACES = {"road": "road", "sidewalk": "walk"}  # class in the page by material of a mesh
+SURFACES = {"road": "road", "sidewalk": "walk"}  # CSS class by material of a mesh
 STANDING = {"structure": "house", "vegetation": "tree"}
 
 
@@ -37,8 +37,8 @@ STANDING = {"structure": "house", "vegetation": "tree"}
 class Window:
     """The drawn rectangle, world frame."""
 
-    low: FloatArray  # (2,)
-    high: FloatArray  # (2,)
+    low: FloatArray  # (2,) smallest x and y
+    high: FloatArray  # (2,) largest x and y
 
     @property
     def size(self) -> FloatArray:

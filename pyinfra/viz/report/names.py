@@ -27,7 +27,7 @@ DETECTORS = {
     "background": "Background",
     **DETECTOR_WORDS,
 }
-OF_PACKAGE = tuple(DETECTOR_WORDS)  # detectors whose name is an adjective
+OF_PACKAGE = tuple(DETECTOR_WORDS)  # detectors whose name is an adjective, such as `pretrained`
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from pyinfra.viz.scanning_plots import LINES, MARKERS
 
 INK, FAINT, GRID, GROUND = "#262626", "#6a6a6a", "#cccccc", "#ffffff"
 ACCENT = "#0b5cad"
-SERIES = (  # light, dark; the first four belong to catalogue.LIDARS
+SERIES = (  # colours on the light and the dark page; the first four are those of catalogue.LIDARS
     ("#0072b2", "#5ab4ee"),
     ("#b65a00", "#f2a65a"),
     ("#00805c", "#46cfa2"),

@@ -16,13 +16,14 @@ from matplotlib.transforms import Affine2D
 from pyinfra.viz.report.style import NAMES, STYLE, fit_labels
 
 DASHES = {"-": "none", "--": "6 3", "-.": "7 3 2 3", ":": "2 3"}
-DENSE = 400  # a line with more points is stored as a bitmap
+DENSE = 400  # number of points above which a line is stored as a bitmap
 POINTS_PER_PIXEL = 0.75
 SVG = "{http://www.w3.org/2000/svg}"
-URL = re.compile(r"url\(#([^)]+)\)")  # reference to an id in a style
-HREF = re.compile(r"^#(.+)")  # reference to an id in a link
+URL = re.compile(r"url\(#([^)]+)\)")  # pattern of a reference to an id in a style
+HREF = re.compile(r"^#(.+)")  # pattern of a reference to an id in a link
 COLOUR = re.compile(r"#[0-9a-fA-F]{6}(?![0-9a-fA-F])")
-FONT = re.compile(r"font-family: [^;]*;? ?")  # the page sets the font
+# Pattern of a font, which is removed because the page sets the font.
+FONT = re.compile(r"font-family: [^;]*;? ?")
 ElementTree.register_namespace("", SVG[1:-1])
 ElementTree.register_namespace("xlink", "http://www.w3.org/1999/xlink")
 

@@ -39,15 +39,15 @@ class ViewFrame:
     """One frame of one LiDAR; metres, radians, world frame."""
 
     frame: int
-    period_s: float  # the frame starts at frame * period_s
+    period_s: float  # frame period; the frame starts at frame * period_s
     sensor: WorldPose
-    points: Points  # (n, 3)
-    intensity: Float32Array  # (n,) [0, 1]
+    points: Points  # (n, 3) x, y, z
+    intensity: Float32Array  # (n,) intensity of each point, 0 to 1
     boxes: FloatArray  # (k, 7) boxes of the labelled objects
-    names: NameArray  # (k,) class
+    names: NameArray  # (k,) class of each labelled object
     hits: IntArray | None  # (k,) returns from each object; None if only labels are known
-    time_s: Float32Array | None = None  # (n,) from the start of the frame
-    object_id: Int32Array | None = None  # (n,) -1 for background
+    time_s: Float32Array | None = None  # (n,) time of each point from the start of the frame
+    object_id: Int32Array | None = None  # (n,) object of each point; -1 for background
     predictions: Labels | None = None  # predicted boxes, world frame; None if there is no file
     trails: Sequence[FloatArray] = ()  # (n, 3) past positions of the predicted tracks
     road_z: float | None = None  # z of a recording's road at the sensor, world frame, if known

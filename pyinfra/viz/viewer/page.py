@@ -28,7 +28,7 @@ Views = Mapping[str, Sequence[ViewFrame]]
 
 DRAWN = " Lines on the ground are the road, as far as it is evaluated; brown boxes are buildings."
 LARGEST_MB = 40.0  # maximum size of a page
-LEAST_LETTERS = 1.3  # minimum number of letters for a point; 3 to 4 are usual
+LEAST_LETTERS = 1.3  # minimum number of characters that encode a point; 3 to 4 are usual
 ADVICE = "choose fewer `frames`, one `lidar` or a lower `most_points`"
 STANDING = ("buildings", "further_mounts")
 LINE_STEP = 5  # every fifth point along a road is drawn

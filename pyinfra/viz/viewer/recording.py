@@ -79,7 +79,7 @@ def _log(recording: Any, path: list[str], view: ViewFrame) -> None:
 
 
 def _boxes(boxes: FloatArray, labels: list[str], colour: tuple[int, int, int]) -> Any:
-    half = boxes[:, 6] / 2  # a rotation about z as a quaternion x y z w
+    half = boxes[:, 6] / 2  # half the heading, for the quaternion (x, y, z, w) of the rotation
     turns = np.stack([0 * half, 0 * half, np.sin(half), np.cos(half)], axis=1)
     return rerun.Boxes3D(
         centers=boxes[:, :3],

@@ -20,7 +20,7 @@ NOT_SIGNIFICANT = (
     "These results have no bootstrap replicates, so it is not known whether the best option "
     "differs significantly from the next. Run pyinfra benchmark again to compute them."
 )
-CLOSE_AP = 5.0  # a faster or cheaper choice may have an AP up to this much below the best AP
+CLOSE_AP = 5.0  # maximum AP by which a faster or cheaper choice may be below the best AP
 
 Choice = Callable[[Material, pd.DataFrame], CardLine | None]
 
@@ -33,7 +33,7 @@ def section(material: Material) -> Section | None:
     done = material.results.done()
     if done.empty:
         return None
-    asked = material.requirements != ANY_PRICE  # requirements apply to every scene
+    asked = material.requirements != ANY_PRICE  # a user's requirements apply to all scenes
     scenes = [scene for scene in material.scenes() if scene in set(done.scene)]
     can_answer = recommendation.can_answer(material)
     of_user = [s for s in scenes if can_answer and (asked or s not in SCENES)]

@@ -118,7 +118,7 @@ def _plans(material: Material, distance: pd.DataFrame, data: DataSet) -> list[Bl
         (distance.scene == data.scene)
         & (distance.preset == data.preset)
         & (distance.ground_truth == "all")
-        & (distance.road != LANES)  # areas of lanes are squares, not windows
+        & (distance.road != LANES)  # lanes are evaluated in squares, not in windows
     ]
     if done.empty or rows.empty:
         return []

@@ -144,7 +144,7 @@ def _row(material: Material, option: Option, relax: str) -> list[TableCell]:
 
 def _covered(option: Option) -> TableCell:
     if math.isnan(option.road_m):
-        return TableCell("")  # a site of lanes whose results come from an earlier version
+        return TableCell("")  # earlier versions have no road length for a site of lanes
     cell = _cell(option.covered_m, ".0f", f" of {option.road_m:.0f}")
     reason = f"no interval: {option.no_interval}"
     return cell if option.covered_m.is_known else replace(cell, below=reason)

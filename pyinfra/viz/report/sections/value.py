@@ -55,7 +55,7 @@ def section(material: Material) -> Section | None:
 
 def _value(material: Material) -> pd.DataFrame:
     value = first_seed(material.results.table("value"))
-    whole = value.ap_whole_r1000.fillna(value.ap_all_r1000)  # results of version 0.3
+    whole = value.ap_whole_r1000.fillna(value.ap_all_r1000)  # results of version 0.3 lack this AP
     return value.assign(ap_whole_r1000=whole)
 
 
