@@ -30,7 +30,7 @@ LEAST_LATENCY_MS = 1.0
 class Requirements:
     """Requirements of a user."""
 
-    budget_usd: float = math.inf  # maximum price of LiDAR and site
+    budget_usd: float = math.inf  # maximum price of the LiDAR and the site together
     # Minimum AP of all vehicles, 0 to 100. A road is covered where AP exceeds min_ap.
     min_ap: float = HIGH_QUALITY
     range_m: float = REGION_M  # distance to either side within which AP and coverage are computed

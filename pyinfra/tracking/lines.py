@@ -87,7 +87,7 @@ def lines_of(site: AnyLines) -> list[Line]:
     else:
         if frames.lidar is None:
             raise Error(
-                "site: expected frames with lidar.yaml, or lines, got frames without lidar.yaml"
+                "site: expected lines, or frames with lidar.yaml; got frames without lidar.yaml"
             )
         lines = of_roads(roads_of_frames(frames), frames)
     if not lines:

@@ -279,8 +279,8 @@ def motor() -> str:
         "The verdict on `deskew` depends on the cut angle. With the settings of the study, "
         "spinning LiDARs scan the road ahead at mid-frame, which is the label time of the boxes. "
         "The claim then fails for spinning LiDARs. If the cut angle is turned by 180 degrees, "
-        f"motion moves {span(-changes.value[180])} % of the points of a spinning LiDAR out of the "
-        "box. The claim then holds."
+        f"the motion of vehicles moves {span(-changes.value[180])} % of the points of a spinning "
+        "LiDAR out of the box. The claim then holds."
     )
 
 

@@ -119,9 +119,9 @@ def placement() -> str:
         "At equal price, the pose that `pyinfra plan` predicts to be best has a higher AP than the "
         f"mean of six poses of the same LiDAR. The difference is {gain.value:.0f} AP "
         f"[{gain.low:.0f}, {gain.high:.0f}]. For the price of one LiDAR of 128 lines, plans have "
-        f"{units:.1f} LiDARs of 16 lines on average. Within 60 m, the shares of vehicles that 16 "
+        f"{units:.1f} 16-line LiDARs on average. Within 60 m, the shares of vehicles that 16 "
         "and 128 lines find do not differ significantly. Over the whole region, the AP of the "
-        f"LiDARs of 16 lines is {-ap.value:.0f} lower."
+        f"16-line LiDARs is {-ap.value:.0f} lower."
     )
 
 
@@ -182,7 +182,7 @@ def people() -> str:
     narrow = [end[name] for name in ("helios_16", "velodyne_vlp_16")]
     return (
         "LiDARs of 128 lines have at least 5 points per frame on a pedestrian up to a distance of "
-        f"{span(wide)} m. For LiDARs of 16 lines, this distance is {span(narrow)} m."
+        f"{span(wide)} m. For 16-line LiDARs, this distance is {span(narrow)} m."
     )
 
 

@@ -271,6 +271,10 @@ CALLS: dict[str, tuple[Call, str]] = {
     ),
     "register_detector: type": (lambda g: pi.register_detector(3), "detector: expected a function"),
     "split: by": (lambda g: pi.split(g.folder, "tim"), "by: .*did you mean 'time'"),
+    "split: short": (
+        lambda g: pi.split(g.frames.save(g.folder / "short")),
+        "short: expected frames before 400 s",
+    ),
     "validate: data": (lambda g: pi.validate(g.empty), "data: "),
     "trust: predictions": (lambda g: pi.trust(g.frames, 3), "predictions: "),
     "statistics: accumulate": (

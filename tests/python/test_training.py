@@ -1056,6 +1056,12 @@ def test_a_region_moves_with_the_points_of_its_sample() -> None:
         assert same.mean() > 0.999  # except for points on the border
 
 
+def test_a_scene_that_is_too_short_for_training_is_named() -> None:
+    scene, lidar = ROOT / "configs/scenes/curve.yaml", ROOT / "configs/lidars/helios_16.yaml"
+    with pytest.raises(Error, match=f"{scene}: expected frames before 400 s"):
+        simulated_source(scene, lidar, "smoke", set={"duration_s": 100})
+
+
 def test_the_simulator_gives_the_frames_that_a_run_writes(
     infrasim: Callable[..., object], tmp_path: Path
 ) -> None:

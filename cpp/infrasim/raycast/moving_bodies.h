@@ -62,8 +62,8 @@ class BodyMotion {
     return {length_m * inv_dx_, length_m * inv_dy_, length_m * inv_dz_};
   }
 
-  /// Converts a normal of any length in the unit box to a unit vector in the body's frame in
-  /// metres.
+  /// Converts a normal in the frame of the unit box, of any length, to a unit normal in the frame
+  /// of the body.
   std::array<float, 3> normal(float nx, float ny, float nz) const {
     nx *= inv_dx_, ny *= inv_dy_, nz *= inv_dz_;
     const float length = std::sqrt(nx * nx + ny * ny + nz * nz);

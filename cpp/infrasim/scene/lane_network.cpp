@@ -89,7 +89,7 @@ double half_crossing(const LanesConfig& road, const LanesConfig& other, double a
   return (across + along) / std::abs(math::sin(angle));
 }
 
-/// Angle between two lines, 0 to 90 degrees, in radians.
+/// Angle between two lines, 0 to pi / 2 radians.
 double between_lines(double heading_a, double heading_b) {
   const double angle = std::abs(wrap_angle(heading_a - heading_b));
   return std::min(angle, kPi - angle);

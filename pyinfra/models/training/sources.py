@@ -253,7 +253,10 @@ def simulated_source(
     world = simulation.load_scene(scene, preset=preset, seed=seed, set=set, mount=mount)
     unit = simulation.load_lidar(lidar, preset)
     period_s = unit.period_s
-    numbers = split.by_time(range(world.frames_of(period_s)), period_s).train
+    try:
+        numbers = split.by_time(range(world.frames_of(period_s)), period_s).train
+    except Error as error:
+        raise Error(f"{scene}: {error}") from None
     frames = SimulatedFrames(world, unit, spread(numbers, MOST_FRAMES[tier]), threads=1)
     labels = cache(lambda: hit_boxes(frames.vehicles(), len(frames), classes))
     return Source(
