@@ -5,8 +5,9 @@ FUZZ_SECONDS := 60
 FRAMES := 5000
 PRESET := paper
 OUT := data/$(PRESET)
-# ON: sources are compiled some at a time, in half the processor time, as for the wheel.
-UNITY := OFF
+# ON: several sources are compiled at a time, in half the processor time, as for the wheel. OFF: each
+# source is compiled alone, as in `make lint-cpp`, which finds a missing include.
+UNITY := ON
 # OFF: the site is built without running the gallery's scripts.
 GALLERY := ON
 # Objects that were compiled before, also for the wheel, come from ccache if it is installed.

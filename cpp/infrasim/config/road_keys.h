@@ -1,6 +1,6 @@
 #pragma once
 
-#include "infrasim/config/roads_config.h"
+#include "infrasim/config/scene_config.h"
 
 // Functions that visit the keys of roads, their profile and their junctions. The template parameter
 // Fields is FieldReader, FieldWriter or FieldLister.

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "infrasim/config/static_objects_config.h"
+#include "infrasim/config/scene_config.h"
 
 // Functions that visit the keys of static objects and vegetation. The template parameter Fields is
 // FieldReader, FieldWriter or FieldLister.

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "infrasim/config/traffic_config.h"
+#include "infrasim/config/scene_config.h"
 
 // Functions that visit the keys of traffic, parked vehicles, pedestrians and cyclists. The template
 // parameter Fields is FieldReader, FieldWriter or FieldLister.
