@@ -71,6 +71,6 @@ def pole_errors() -> str:
     known(most < 1, "late clocks change the mean AP by less than 1")
     return (
         f"Clocks that are up to 50 ms late change the mean AP by at most {most:.1f} at this "
-        f"junction. A yaw error of 0.5 degrees lowers the AP by {span(turned[2])} with two poles. With four "
-        f"poles, the same error lowers the AP by {span(turned[4])}."
+        f"junction. A yaw error of 0.5 degrees lowers the AP by {span(turned[2])} with two poles. "
+        f"With four poles, the same error lowers the AP by {span(turned[4])}."
     )
