@@ -182,13 +182,13 @@ def of_value(avia: str, cheaper_ends: Collection[tuple[float, float]], replicate
 
 
 def check_pairs(table: pd.DataFrame) -> None:
-    """Raises Error if the LiDARs of one replicate differ in frames or seeds.
+    """Raises Error if the LiDARs of one replicate differ in software version, frames or seeds.
 
     Each LiDAR must have one row for each test seed of the replicate.
     """
     for key, rows in table.groupby([*GROUP, "replicate"], sort=False):
         case = " ".join(map(str, key))
-        for column in {"frames", "frames_version"} & set(rows):
+        for column in {"version", "frames", "frames_version"} & set(rows):
             if rows[column].nunique() > 1:
                 pairs = zip(rows.lidar, rows[column], strict=True)
                 values = ", ".join(dict.fromkeys(f"{lidar} {value}" for lidar, value in pairs))

@@ -323,9 +323,9 @@ def test_a_cheaper_lidar_that_reaches_the_level_decides_also_if_the_avia_is_open
     assert rows_of(bundle).loc["value", "present"].verdict == expected
 
 
-def test_lidars_of_one_replicate_must_have_the_same_frames() -> None:
+def test_lidars_of_one_replicate_must_have_one_version_and_the_same_frames() -> None:
     verdicts.check_pairs(table())
-    for column, value in (("frames_version", 2), ("frames", 50)):
+    for column, value in (("version", "2"), ("frames_version", 2), ("frames", 50)):
         other = table()
         other.loc[other.lidar == "helios_16", column] = value
         with pytest.raises(Error, match=f"highway .*: {column}: expected one value .*{value}"):
