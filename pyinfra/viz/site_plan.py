@@ -72,7 +72,7 @@ def read_lanes(file: Path) -> dict[str, FloatArray]:
 
 def read_scene(folder: Path) -> dict[str, Any]:
     """Returns the raw content of site.yaml. Raises Error and OSError."""
-    file = site_folder.scene_of(folder)
+    file = folder / site_folder.SCENE
     scene = read_keys(file)
     if "lanes" not in scene:
         raise MapError(
