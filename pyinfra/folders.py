@@ -93,15 +93,11 @@ def split(
     if val_data is not None:
         validation = read_data_set(path_of(val_data, "val_data"))
         pairs = list(zip((whole, validation), by_seed(whole, validation), strict=True))
+    elif by == "random":
+        pairs = [(whole, by_random(whole.frames, seed, where=whole.folder))]
     else:
-        try:
-            if by == "random":
-                parts = by_random(whole.frames, seed)
-            else:
-                parts = by_time(whole.frames, whole.period_s, train_until_s, val_from_s)
-        except Error as error:
-            raise Error(f"{whole.folder}: {error}") from None
-        pairs = [(whole, parts)]
+        ends = (train_until_s, val_from_s)
+        pairs = [(whole, by_time(whole.frames, whole.period_s, *ends, where=whole.folder))]
     for one, parts in pairs:
         write(one, parts, force=force)
     rows = [(str(one.folder), len(parts.train), len(parts.val)) for one, parts in pairs]

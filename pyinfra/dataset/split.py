@@ -36,14 +36,15 @@ def by_time(
     period_s: float,
     train_until_s: float = TRAIN_UNTIL_S,
     val_from_s: float = VAL_FROM_S,
+    where: object = "frames",
 ) -> Split:
-    """Splits by the start time of the frames.
+    """Splits by the start time of the frames. where: name of the frames in errors.
 
     Frames that start before train_until_s are train. Frames that start at val_from_s or later are
     val. Raises Error if both parts overlap or one part is empty.
     """
     if val_from_s < train_until_s:
-        raise Error(f"val_from_s: expected {train_until_s:g} or more, got {val_from_s:g}")
+        raise Error(f"{where}: val_from_s: expected {train_until_s:g} or more, got {val_from_s:g}")
     starts = [round(frame * period_s, 6) for frame in frames]
     pairs = list(zip(frames, starts, strict=True))
     split = Split(
@@ -52,23 +53,27 @@ def by_time(
     )
     if not split.train or not split.val:
         raise Error(
-            f"expected frames before {train_until_s:g} s (train) and from {val_from_s:g} s on "
-            f"(val), got frames from {min(starts, default=0):g} to {max(starts, default=0):g} s; "
-            "`pyinfra split` can set both times"
+            f"{where}: expected frames before {train_until_s:g} s (train) and from "
+            f"{val_from_s:g} s on (val), got frames from {min(starts, default=0):g} to "
+            f"{max(starts, default=0):g} s; `pyinfra split` can set both times"
         )
     return split
 
 
-def by_random(frames: Sequence[int], seed: int, val_share: float = VAL_SHARE) -> Split:
+def by_random(
+    frames: Sequence[int], seed: int, val_share: float = VAL_SHARE, where: object = "frames"
+) -> Split:
     """Splits at random: a share `val_share` of the frames is val, and the rest is train.
+
+    where: name of the frames in errors.
 
     The number of val frames is rounded, and both parts have at least one frame. Raises Error for
     fewer than two frames or a share outside (0, 1).
     """
     if len(frames) < 2 or not 0 < val_share < 1:
         raise Error(
-            f"val_share: expected 2 or more frames and a share between 0 and 1, got {len(frames)} "
-            f"frames and a share of {val_share:g}"
+            f"{where}: val_share: expected 2 or more frames and a share between 0 and 1, got "
+            f"{len(frames)} frames and a share of {val_share:g}"
         )
     count = min(max(round(val_share * len(frames)), 1), len(frames) - 1)
     val = np.random.default_rng(seed).choice(np.array(frames), count, replace=False)

@@ -222,10 +222,11 @@ def _period_s(lidar: Path, preset: str) -> float:
 
 def check_parts(file: Path, frames: str, parts: Parts, period_s: float = PERIOD_S) -> None:
     """Raises ConfigError if no frame is left for training, or none for testing."""
+    ends, where = (parts.train_until_s, parts.val_from_s), f"{file}: frames, split"
     try:
-        split.by_time(range_of(frames), period_s, parts.train_until_s, parts.val_from_s)
-    except ValueError as error:
-        raise ConfigError(f"{file}: frames, split: {error}") from None
+        split.by_time(range_of(frames), period_s, *ends, where=where)
+    except Error as error:
+        raise ConfigError(str(error)) from None
 
 
 def range_of(frames: str) -> range:

@@ -155,10 +155,7 @@ def _train_frames(folder: Path, period_s: float) -> Sequence[int]:
         return frame_numbers(folder, "train")
     if not has_labels(folder):
         return kitti.frames(folder)  # without labels there can be no test frames
-    try:
-        train = split.by_time(kitti.frames(folder), period_s).train
-    except Error as error:
-        raise Error(f"{folder}: {error}") from None
+    train = split.by_time(kitti.frames(folder), period_s, where=folder).train
     tested = _tested(folder)
     return [k for k in train if k not in tested]
 
@@ -253,10 +250,7 @@ def simulated_source(
     world = simulation.load_scene(scene, preset=preset, seed=seed, set=set, mount=mount)
     unit = simulation.load_lidar(lidar, preset)
     period_s = unit.period_s
-    try:
-        numbers = split.by_time(range(world.frames_of(period_s)), period_s).train
-    except Error as error:
-        raise Error(f"{scene}: {error}") from None
+    numbers = split.by_time(range(world.frames_of(period_s)), period_s, where=scene).train
     frames = SimulatedFrames(world, unit, spread(numbers, MOST_FRAMES[tier]), threads=1)
     labels = cache(lambda: hit_boxes(frames.vehicles(), len(frames), classes))
     return Source(
