@@ -85,9 +85,9 @@ def experiments(sites: int, seeds: int) -> Iterator[Experiment]:
     Successive sites have different LiDARs. Another seed gives a site another LiDAR.
     """
     lidars = (*STUDIED, *HELD_OUT)
-    for seed, site in itertools.product(range(seeds), range(sites)):
+    for seed, site in itertools.product(range(1, seeds + 1), range(sites)):
         name = f"site_v{random_stream.VERSION}_{FIRST_SITE + site}"
-        yield Experiment(name, seed + 1, lidars[(site + 3 * (seed + 1)) % len(lidars)])
+        yield Experiment(name, seed, lidars[(site + 3 * seed) % len(lidars)])
 
 
 def simulated(experiment: Experiment, work: Path) -> Path:

@@ -118,10 +118,10 @@ def placement() -> str:
     return (
         "At equal price, the pose that `pyinfra plan` predicts to be best has a higher AP than the "
         f"mean of six poses of the same LiDAR. The difference is {gain.value:.0f} AP "
-        f"[{gain.low:.0f}, {gain.high:.0f}]. For the price of one LiDAR of 128 lines, plans have "
-        f"{units:.1f} 16-line LiDARs on average. Within 60 m, the shares of vehicles that 16 "
-        "and 128 lines find do not differ significantly. Over the whole region, the AP of the "
-        f"16-line LiDARs is {-ap.value:.0f} lower."
+        f"[{gain.low:.0f}, {gain.high:.0f}]. For the price of one LiDAR with 128 lines, plans "
+        f"have {units:.1f} LiDARs with 16 lines on average. Within 60 m, the shares of vehicles "
+        "that 16 and 128 lines find do not differ significantly. Over the whole region, the AP of the "
+        f"LiDARs with 16 lines is {-ap.value:.0f} lower."
     )
 
 
@@ -181,8 +181,8 @@ def people() -> str:
     wide = [end[name] for name in ("ruby_plus", "hesai_ot128", "velodyne_vls_128")]
     narrow = [end[name] for name in ("helios_16", "velodyne_vlp_16")]
     return (
-        "LiDARs of 128 lines have at least 5 points per frame on a pedestrian up to a distance of "
-        f"{span(wide)} m. For 16-line LiDARs, this distance is {span(narrow)} m."
+        "LiDARs with 128 lines have at least 5 points per frame on a pedestrian up to a distance "
+        f"of {span(wide)} m. For LiDARs with 16 lines, this distance is {span(narrow)} m."
     )
 
 

@@ -47,14 +47,17 @@ def poles() -> str:
         for count in (2, 4)
         if detector == "Background"
     }
-    second = span(d.value for (_, count), d in changes.items() if count == 2)
-    further = {lidar: d for (lidar, count), d in changes.items() if count == 4}
-    equal = [lidar for lidar, d in further.items() if not d.is_significant]
-    more = span(d.value for lidar, d in further.items() if lidar not in equal)
-    besides = f"; with {joined(equal)}, the change is not significant" if equal else ""
+
+    def added(by_count: int) -> str:
+        of_count = {lidar: d for (lidar, count), d in changes.items() if count == by_count}
+        equal = [lidar for lidar, d in of_count.items() if not d.is_significant]
+        more = span(d.value for lidar, d in of_count.items() if lidar not in equal)
+        besides = f"; with {joined(equal)}, the change is not significant" if equal else ""
+        return f"{more} AP{besides}"
+
     return (
-        f"With Background, a second pole adds {second} AP on average. The third and fourth pole "
-        f"together add {more} AP{besides}."
+        f"With Background, a second pole adds {added(2)}. The third and fourth pole together add "
+        f"{added(4)}."
     )
 
 
@@ -71,6 +74,6 @@ def pole_errors() -> str:
     known(most < 1, "late clocks change the mean AP by less than 1")
     return (
         f"Clocks that are up to 50 ms late change the mean AP by at most {most:.1f} at this "
-        f"junction. A yaw error of 0.5 degrees lowers the AP by {span(turned[2])} with two poles. "
-        f"With four poles, the same error lowers the AP by {span(turned[4])}."
+        f"junction. A yaw error of 0.5 degrees lowers the mean AP by {span(turned[2])} with two "
+        f"poles. With four poles, the same error lowers the mean AP by {span(turned[4])}."
     )

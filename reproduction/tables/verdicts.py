@@ -299,10 +299,8 @@ def law_of_range() -> str:
     The presets without a law of range have no row.
     """
     table = results("claims")
-    table = table[
-        (table.judge == PRIMARY[0][0]) & (table.scene == "highway") & (table.label_time == "scan")
-    ]
-    table = table[table.preset == "datasheet"]
+    table = table[(table.judge == PRIMARY[0][0]) & (table.label_time == "scan")]
+    table = table[(table.scene == "highway") & (table.preset == "datasheet")]
     rows = []
     for (claim, subset), part in table.groupby(["claim", "subset"], sort=False):
         by_exponent = part.set_index("law_exponent").verdict
