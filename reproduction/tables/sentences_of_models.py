@@ -120,8 +120,8 @@ def placement() -> str:
         f"mean of six poses of the same LiDAR. The difference is {gain.value:.0f} AP "
         f"[{gain.low:.0f}, {gain.high:.0f}]. For the price of one LiDAR with 128 lines, plans "
         f"have {units:.1f} LiDARs with 16 lines on average. Within 60 m, the shares of vehicles "
-        "that 16 and 128 lines find do not differ significantly. Over the whole region, the AP of the "
-        f"LiDARs with 16 lines is {-ap.value:.0f} lower."
+        "that 16 and 128 lines find do not differ significantly. Over the whole region, the AP of "
+        f"the LiDARs with 16 lines is {-ap.value:.0f} lower."
     )
 
 
