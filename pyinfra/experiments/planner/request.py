@@ -205,10 +205,8 @@ def read_areas(file: Path) -> tuple[Area, ...]:
     check_columns(file, table, [*AREA_COLUMNS, "class", "weight"])
     if table.empty:
         raise FormatError(f"{file}: expected one or more areas, got none")
-    if "weight" not in table:
-        table["weight"] = 1.0
-    if "class" not in table:
-        table["class"] = "any"
+    usual = {"weight": 1.0, "class": "any"}
+    table = table.assign(**{key: usual[key] for key in usual if key not in table})
     table = table.astype(dict.fromkeys((*AREA_COLUMNS[1:], "weight"), float))
     name = table["name"]
     expect(file, name, name.notna(), "a name")
