@@ -28,9 +28,9 @@ def parser_helps(parser: argparse.ArgumentParser) -> Iterator[tuple[str, str]]:
 
 def pyinfra_helps() -> Iterator[tuple[str, str]]:
     for command in main.COMMANDS:
-        parsers = main.make_parser([command.name])
+        parsers = main.make_parser([command])
         (group,) = (a for a in parsers._actions if isinstance(a, argparse._SubParsersAction))
-        yield from parser_helps(group.choices[command.name])
+        yield from parser_helps(group.choices[command])
 
 
 def infrasim_helps() -> Iterator[tuple[str, str]]:

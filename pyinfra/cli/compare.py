@@ -8,8 +8,9 @@ from typing import Any
 import pandas as pd
 
 from pyinfra.cli.parser import argument, usage
-from pyinfra.core.errors import Error
+from pyinfra.core.errors import refuse
 from pyinfra.core.files import check_output
+from pyinfra.core.names import repeated
 from pyinfra.core.vocabulary import SUBSETS
 from pyinfra.formats.csv_table import write_csv
 from pyinfra.metrics.intervals import FEW_BLOCKS
@@ -38,10 +39,11 @@ add_arguments = usage(
 
 
 def run(args: argparse.Namespace) -> int:
-    if len(args.places) < 2:
-        raise Error(f"PLACE: expected two folders or more, got {len(args.places)}")
-    if twice := [place for place in args.places if args.places.count(place) > 1]:
-        raise Error(f"PLACE: expected each folder once, got {twice[0]} twice")
+    twice = repeated(list(map(str, args.places)))
+    refuse(
+        (len(args.places) < 2, f"PLACE: expected two folders or more, got {len(args.places)}"),
+        (twice, f"PLACE: expected each folder once, got {twice} twice"),
+    )
     table = compare_places(args.places, args.ground_truth)
     if args.out:
         check_output(args.out, ",".join(table.columns[:3]).encode())

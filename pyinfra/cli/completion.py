@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from pyinfra.cli.parser import actions
 from pyinfra.core.errors import Error, missing
 
 SHELLS = ("bash", "zsh")
@@ -19,15 +20,7 @@ def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
         import shtab
     except ModuleNotFoundError:
         raise missing("shtab", "completion") from None
-    complete_files(parser, shtab.FILE)
+    for action in actions(parser):
+        if action.type is Path:
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
     return str(shtab.complete(parser, shell=shell))
-
-
-def complete_files(parser: argparse.ArgumentParser, how: object) -> None:
-    """Marks the arguments whose values are paths, in a parser and in its subcommands."""
-    for action in parser._actions:  # argparse has no public list of the actions
-        if isinstance(action, argparse._SubParsersAction):
-            for sub in action.choices.values():
-                complete_files(sub, how)
-        elif action.type is Path:
-            action.complete = how  # type: ignore[attr-defined]

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from pyinfra.cli.parser import argument, usage
-from pyinfra.core.errors import Error
+from pyinfra.core.errors import refuse
 from pyinfra.tracking.counts import Counts, count
 from pyinfra.viz.traffic_page import write_page
 
@@ -39,10 +39,16 @@ add_arguments = usage(
 
 
 def run(args: argparse.Namespace) -> int:
-    if not args.tracks.is_file():
-        raise Error(f"TRACKS: expected a file of `pyinfra track`, got '{args.tracks}'")
-    if not args.site.exists():
-        raise Error(f"SITE: expected a LiDAR's folder or a file with lines, got '{args.site}'")
+    refuse(
+        (
+            not args.tracks.is_file(),
+            f"TRACKS: expected a file of `pyinfra track`, got '{args.tracks}'",
+        ),
+        (
+            not args.site.exists(),
+            f"SITE: expected a LiDAR's folder or a file with lines, got '{args.site}'",
+        ),
+    )
     counts = count(
         args.tracks,
         args.site,

@@ -15,7 +15,7 @@ import numpy as np
 from pyinfra.cli.messages import printed_findings, warn
 from pyinfra.cli.parser import argument, usage
 from pyinfra.core.arrays import Points
-from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.errors import Error, FormatError, refuse
 from pyinfra.core.machine_load import OtherLoad, other_load
 from pyinfra.core.names import suggestion
 from pyinfra.dataset.frames import lidar_folder
@@ -57,7 +57,6 @@ PRETRAINED = "generalist"
 # Minimum score of a box that the summary counts separately. Detectors return boxes with scores of
 # 0.1 or more before the calibration of scores.
 LIKELY = 0.5
-
 
 add_arguments = usage(
     "Runs a trained detector on point clouds and prints its latency.",
@@ -193,11 +192,12 @@ def run(args: argparse.Namespace) -> int:
 
 def _follow(args: argparse.Namespace) -> int:
     """Prints a JSON line of tracks for each new cloud of a growing folder."""
-    if len(args.inputs) != 1 or not args.inputs[0].is_dir():
-        inputs = " ".join(map(str, args.inputs))
-        raise Error(f"DATA: expected one folder with --follow, got {inputs}")
-    if args.out is not None:
-        raise Error(f"--out: expected no folder with --follow, got {args.out}; tracks are printed")
+    inputs = " ".join(map(str, args.inputs))
+    is_folder = len(args.inputs) == 1 and args.inputs[0].is_dir()
+    refuse(
+        (not is_folder, f"DATA: expected one folder with --follow, got {inputs}"),
+        (args.out, f"--out: expected no folder with --follow, got {args.out}; tracks are printed"),
+    )
     model = model_file(args.model, args.checkpoint)
     check_single(model, accumulation_of(model).frames)
     site = place(None, args.height_m, args.region)
@@ -225,22 +225,21 @@ def _follow(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     """Raises Error for arguments that exclude each other, and OSError for missing inputs."""
-    if args.max_frames < 0:
-        raise Error(f"max_frames: expected 0 or more, got {args.max_frames}")
-    if args.frames and args.frames.isdecimal():
-        raise Error(
-            f"--frames: expected A:B[:STEP], got '{args.frames}'; for a number of "
-            f"frames, use --max-frames {args.frames}"
-        )
-    if args.frames and args.split:
-        raise Error("--frames: use --frames or --split, not both")
     model = str(args.model)
-    if not args.model.exists() and args.model.name == model and model not in shipped():
-        near = suggestion(model, shipped())
-        raise Error(
+    refuse(
+        (args.max_frames < 0, f"max_frames: expected 0 or more, got {args.max_frames}"),
+        (
+            args.frames and args.frames.isdecimal(),
+            f"--frames: expected A:B[:STEP], got '{args.frames}'; for a number of "
+            f"frames, use --max-frames {args.frames}",
+        ),
+        (args.frames and args.split, "--frames: use --frames or --split, not both"),
+        (
+            not args.model.exists() and args.model.name == model and model not in shipped(),
             "--model: expected an output folder of `pyinfra train`, a model file or the name of a "
-            f"pretrained detector, got '{model}'{near}"
-        )
+            f"pretrained detector, got '{model}'{suggestion(model, shipped())}",
+        ),
+    )
     folders = [path for path in args.inputs if path.is_dir()]
     if folders and len(args.inputs) > 1:
         raise Error(
@@ -248,15 +247,16 @@ def _check(args: argparse.Namespace) -> None:
             f"with the folder {folders[0]}"
         )
     args.inputs = [_folder_of(folder) for folder in folders] or args.inputs
-    if folders and args.out is None:
-        raise Error(
-            "--out: expected a folder for the boxes, got none; it is required if DATA is a folder"
-        )
-    if not folders and args.drop_standing:
-        raise Error("--drop-standing: expected a LiDAR's folder as DATA, got files of point clouds")
-    if not folders and (args.frames or args.max_frames or args.split):
-        option = "--frames" if args.frames else "--max-frames" if args.max_frames else "--split"
-        raise Error(f"{option}: expected a LiDAR's folder as DATA, got files of point clouds")
+    of_folders = ("drop_standing", "frames", "max_frames", "split")
+    given = next((name for name in of_folders if getattr(args, name)), "")
+    text = "expected a LiDAR's folder as DATA, got files of point clouds"
+    refuse(
+        (
+            folders and args.out is None,
+            "--out: expected a folder for the boxes, got none; it is required if DATA is a folder",
+        ),
+        (given and not folders, f"{given}: {text}"),
+    )
     for path in args.inputs:
         path.stat()  # raises FileNotFoundError if the path does not exist
 

@@ -190,9 +190,7 @@ def class_types(words: Sequence[str]) -> dict[str, tuple[str, ...]]:
     classes = {}
     for word in words:
         name, equals, types = word.partition("=")
-        listed = tuple(types.split(",")) if equals else (name,)
-        if not equals:
-            listed = OBJECT_CLASSES.get(name, listed)
+        listed = tuple(types.split(",")) if equals else OBJECT_CLASSES.get(name, (name,))
         if not name or not all(listed):
             raise Error(f"--class: expected NAME or NAME=TYPE,TYPE, got '{word}'")
         classes[name] = listed

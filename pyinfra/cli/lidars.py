@@ -56,7 +56,7 @@ add_arguments = usage(
 
 
 def run(args: argparse.Namespace) -> int:
-    files = [file_of(word) for word in args.lidars]
+    files = [file_or_name(word, shipped("lidars"), "LIDAR") for word in args.lidars]
     if (args.from_table is None) != (args.out is None):
         raise Error("--from-table: use --from-table and --out together")
     if args.from_table is not None:
@@ -68,14 +68,6 @@ def run(args: argparse.Namespace) -> int:
     sheets = [read_sheet(f, args.preset) for f in files] or read_catalogue(args.preset)
     print(as_json(sheets) if args.json else "\n".join(lines(sheets)))
     return 0
-
-
-def file_of(word: str) -> Path:
-    """Returns the file of a LiDAR from a name or a path of a .yaml file.
-
-    Raises Error if there is no such file. The message suggests similar names.
-    """
-    return file_or_name(word, shipped("lidars"), "LIDAR")
 
 
 def as_json(sheets: Sequence[LidarSheet]) -> str:

@@ -18,7 +18,6 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from pyinfra.cli.completion import SHELLS, completion_script
 from pyinfra.cli.messages import message_of, options_of, report_bug
@@ -32,41 +31,33 @@ from pyinfra.core.version import __version__
 FAILED = 1
 
 
-@dataclass(frozen=True)
-class Command:
-    """A subcommand. Its module is imported only when the subcommand is used."""
-
-    name: str
-    module: str
-    summary: str
-
-
-COMMANDS = (
-    Command("demo", "pyinfra.cli.demo", "compare four LiDARs at a junction in a minute"),
-    Command("pictures", "pyinfra.cli.pictures", "draw frames from above, scenes and close-ups"),
-    Command("lidars", "pyinfra.cli.lidars", "list LiDARs: lines, field of view, range, price"),
-    Command("site", "pyinfra.cli.site", "make a site from a map, and add traffic to it"),
-    Command("sites", "pyinfra.cli.sites", "generate random sites and draw their plans"),
-    Command("view", "pyinfra.cli.view", "show frames in 3-D in an HTML file"),
-    Command("statistics", "pyinfra.cli.statistics", "compute points per vehicle and more"),
-    Command("evaluate", "pyinfra.cli.evaluate", "compute the average precision of predictions"),
-    Command("compare", "pyinfra.cli.compare", "compare pole positions and heights"),
-    Command("report", "pyinfra.cli.report", "write the results of a benchmark as one HTML page"),
-    Command("validate", "pyinfra.cli.validate", "check data sets and predictions"),
-    Command("train", "pyinfra.cli.train", "train a detector on frames"),
-    Command("detect", "pyinfra.cli.detect", "run a trained detector and measure its latency"),
-    Command("track", "pyinfra.cli.track", "join boxes of frames into tracks with speeds"),
-    Command("count", "pyinfra.cli.count", "count tracks by movement, with speeds and queues"),
-    Command("region", "pyinfra.cli.region", "propose an outline of the road for a recording"),
-    Command("stress", "pyinfra.cli.stress", "find the conditions in which detectors fail"),
-    Command("onnx", "pyinfra.cli.onnx", "export a dense detector as an ONNX file"),
-    Command("benchmark", "pyinfra.cli.benchmark", "measure accuracy, speed and price"),
-    Command("recommend", "pyinfra.cli.recommend", "rank LiDARs and detectors within a budget"),
-    Command("plan", "pyinfra.cli.plan", "choose poles, heights and LiDARs within a budget"),
-    Command("export", "pyinfra.cli.export", "write frames in other tools' formats"),
-    Command("import", "pyinfra.cli.import_", "import a recording as a data set"),
-    Command("split", "pyinfra.cli.split", "divide frames into training and validation"),
-)
+# Maps each subcommand to its module, which is imported only when it is used, and a summary.
+COMMANDS = {
+    "demo": ("pyinfra.cli.demo", "compare four LiDARs at a junction in a minute"),
+    "pictures": ("pyinfra.cli.pictures", "draw frames from above, scenes and close-ups"),
+    "lidars": ("pyinfra.cli.lidars", "list LiDARs: lines, field of view, range, price"),
+    "site": ("pyinfra.cli.site", "make a site from a map, and add traffic to it"),
+    "sites": ("pyinfra.cli.sites", "generate random sites and draw their plans"),
+    "view": ("pyinfra.cli.view", "show frames in 3-D in an HTML file"),
+    "statistics": ("pyinfra.cli.statistics", "compute points per vehicle and more"),
+    "evaluate": ("pyinfra.cli.evaluate", "compute the average precision of predictions"),
+    "compare": ("pyinfra.cli.compare", "compare pole positions and heights"),
+    "report": ("pyinfra.cli.report", "write the results of a benchmark as one HTML page"),
+    "validate": ("pyinfra.cli.validate", "check data sets and predictions"),
+    "train": ("pyinfra.cli.train", "train a detector on frames"),
+    "detect": ("pyinfra.cli.detect", "run a trained detector and measure its latency"),
+    "track": ("pyinfra.cli.track", "join boxes of frames into tracks with speeds"),
+    "count": ("pyinfra.cli.count", "count tracks by movement, with speeds and queues"),
+    "region": ("pyinfra.cli.region", "propose an outline of the road for a recording"),
+    "stress": ("pyinfra.cli.stress", "find the conditions in which detectors fail"),
+    "onnx": ("pyinfra.cli.onnx", "export a dense detector as an ONNX file"),
+    "benchmark": ("pyinfra.cli.benchmark", "measure accuracy, speed and price"),
+    "recommend": ("pyinfra.cli.recommend", "rank LiDARs and detectors within a budget"),
+    "plan": ("pyinfra.cli.plan", "choose poles, heights and LiDARs within a budget"),
+    "export": ("pyinfra.cli.export", "write frames in other tools' formats"),
+    "import": ("pyinfra.cli.import_", "import a recording as a data set"),
+    "split": ("pyinfra.cli.split", "divide frames into training and validation"),
+}
 
 
 # The groups of `pyinfra --help`, in the order in which a project uses them.
@@ -114,23 +105,22 @@ def make_parser(words: Sequence[str], *, whole: bool = False) -> argparse.Argume
         help=None if whole else argparse.SUPPRESS,
     )
     chosen = next((word for word in words if not word.startswith("-")), None)
-    for command in COMMANDS:
-        sub = commands.add_parser(command.name, help=command.summary)
-        if whole or command.name == chosen:
-            module = importlib.import_module(command.module)
+    for name, (path, summary) in COMMANDS.items():
+        sub = commands.add_parser(name, help=summary)
+        if whole or name == chosen:
+            module = importlib.import_module(path)
             module.add_arguments(sub)
-            sub.set_defaults(run=module.run, command=command.name, options=options_of(sub))
-            if command.name == chosen:
+            sub.set_defaults(run=module.run, command=name, options=options_of(sub))
+            if name == chosen:
                 check_options(sub, words[words.index(chosen) + 1 :])
     return parser
 
 
 def group_text() -> str:
     """Returns the commands with their summaries, in groups."""
-    summaries = {command.name: command.summary for command in COMMANDS}
     lines = []
     for title, names in GROUPS.items():
-        lines += [f"{title}:", *(f"  {name:<12}{summaries[name]}" for name in names), ""]
+        lines += [f"{title}:", *(f"  {name:<12}{COMMANDS[name][1]}" for name in names), ""]
     return "\n".join(lines[:-1])
 
 
@@ -178,10 +168,8 @@ def print_completion(words: Sequence[str]) -> int:
 
 def _ended_by(error: Exception, words: Sequence[str], args: argparse.Namespace) -> tuple[str, int]:
     """Returns the message and the exit code for an error."""
-    if isinstance(error, Error):
-        return message_of(error, args.options), error.exit_code
-    if isinstance(error, OSError) or is_missing_package(error):
-        return message_of(error, args.options), FAILED
+    if isinstance(error, (Error, OSError)) or is_missing_package(error):
+        return message_of(error, args.options), getattr(error, "exit_code", FAILED)
     return report_bug(error, words), FAILED
 
 

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from pyinfra.cli.parser import actions
 from pyinfra.core.errors import FindingWarning, keep_traceback
 from pyinfra.core.version import __version__
 
@@ -20,11 +21,8 @@ Options = Mapping[str, str]  # maps an argument such as `height_m` to its option
 def options_of(parser: argparse.ArgumentParser) -> dict[str, str]:
     """Maps each argument of a command and of its subcommands to its option."""
     names: dict[str, str] = {}
-    for action in parser._actions:  # argparse has no public list of the actions
-        if isinstance(action, argparse._SubParsersAction):
-            for sub in action.choices.values():
-                names |= options_of(sub)
-        elif action.option_strings:
+    for action in actions(parser):
+        if action.option_strings:
             names[action.dest] = action.option_strings[-1]
         elif isinstance(action.metavar, str):
             names[action.dest] = action.metavar

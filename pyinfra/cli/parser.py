@@ -12,6 +12,10 @@ from pyinfra.core.names import suggestion
 
 Add = Callable[[Any], object]  # adds an argument, or a group of arguments, to a parser
 WRONG = 2
+NUMBERS = {
+    "int": "a whole number, such as 3",
+    "float": "a number without unit and comma, such as 0.5",
+}
 MOST_LISTED = 8  # largest number of choices in a message that also suggests a choice
 
 # Maps an option of earlier versions to its replacement. A key that begins with a command only
@@ -75,11 +79,7 @@ class Parser(argparse.ArgumentParser):
 def not_a_number(found: re.Match[str]) -> str:
     """Returns the message for a value that `float` or `int` cannot convert."""
     kind, value = found.groups()
-    if kind == "int":
-        return f"expected a whole number, such as 3, got {value}"
-    if kind != "float":
-        return found[0]
-    return f"expected a number without unit and comma, such as 0.5, got {value}"
+    return f"expected {NUMBERS[kind]}, got {value}" if kind in NUMBERS else found[0]
 
 
 def check_options(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
@@ -89,7 +89,7 @@ def check_options(parser: argparse.ArgumentParser, words: Sequence[str]) -> None
     are often the cause of missing arguments.
     """
     command = parser.prog.partition(" ")[2]
-    names = list(options(parser, words))
+    names = [name for action in actions(parser, words) for name in action.option_strings]
     for word in words:
         name = word.partition("=")[0]
         if word == "--":
@@ -102,17 +102,20 @@ def check_options(parser: argparse.ArgumentParser, words: Sequence[str]) -> None
         parser.error(f"{name}: no such option{near(name, names)}")
 
 
-def options(parser: argparse.ArgumentParser, words: Sequence[str]) -> Iterator[str]:
-    """Yields the options of a command and of its subcommands.
+def actions(
+    parser: argparse.ArgumentParser, words: Sequence[str] = ()
+) -> Iterator[argparse.Action]:
+    """Yields the arguments of a command and of its subcommands.
 
-    If `words` has names of subcommands, only the options of these subcommands are included.
+    If `words` has names of subcommands, only the arguments of these subcommands are included.
     """
     for action in parser._actions:  # argparse has no public list of the actions
-        yield from action.option_strings
         if isinstance(action, argparse._SubParsersAction):
             named = [name for name in action.choices if name in words] or list(action.choices)
             for name in named:
-                yield from options(action.choices[name], words)
+                yield from actions(action.choices[name], words)
+        else:
+            yield action
 
 
 def listed(names: Sequence[str]) -> str:

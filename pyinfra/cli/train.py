@@ -8,7 +8,7 @@ from typing import get_args
 
 from pyinfra.cli.messages import note, warn
 from pyinfra.cli.parser import argument, usage
-from pyinfra.core.errors import Error
+from pyinfra.core.errors import Error, refuse
 from pyinfra.core.names import file_or_name
 from pyinfra.core.vocabulary import TIERS
 from pyinfra.dataset.catalogue import shipped
@@ -110,10 +110,13 @@ add_arguments = usage(
 
 
 def run(args: argparse.Namespace) -> int:
-    if not 0 < args.budget <= 100:
-        raise Error(f"--step-factor: expected more than 0, at most 100, got {args.budget:g}")
-    if args.seed < 0:
-        raise Error(f"--seed: expected 0 or more, got {args.seed}")
+    refuse(
+        (
+            not 0 < args.budget <= 100,
+            f"--step-factor: expected more than 0, at most 100, got {args.budget:g}",
+        ),
+        (args.seed < 0, f"--seed: expected 0 or more, got {args.seed}"),
+    )
     recipe = read_recipe(file_or_name(args.config, shipped("detectors"), "CONFIG"), args.tier)
     if DETECTORS[recipe.detector].learnt:
         recipe = recipe.for_budget(args.budget)
@@ -158,30 +161,26 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
     return sources
 
 
-def check_mount(mount: str, scene: str | None) -> None:
-    """Raises Error if --mount is used without --scene, or with the mount `fused`.
-
-    Training cannot simulate fused frames.
-    """
-    if mount and scene is None:
-        raise Error(f"--mount: expected no mount without --scene, got '{mount}'")
-    if mount == "fused":
-        raise Error(
-            "--mount: expected the name of one mount, got 'fused'; to train on fused frames, run "
-            "`infrasim run SCENE --fuse --out OUT` and give the folder OUT/fused/LIDAR as DATA"
-        )
-
-
 def _sources(args: argparse.Namespace, recipe: Recipe) -> list[Source] | Stream:
     kinds = [bool(args.data), args.scene is not None, args.sites is not None]
-    if sum(kinds) != 1 or (args.scene is None) != (args.lidar is None):
-        options = [f"--{key}" for key in ("scene", "lidar", "sites") if getattr(args, key)]
-        given = " ".join([*["folders"][: len(args.data)], *options])
-        raise Error(
+    options = [f"--{key}" for key in ("scene", "lidar", "sites") if getattr(args, key)]
+    given = " ".join([*["folders"][: len(args.data)], *options])
+    refuse(
+        (
+            sum(kinds) != 1 or (args.scene is None) != (args.lidar is None),
             "DATA: expected one source of frames (folders, --scene with --lidar, or --sites), got "
-            f"{given or 'none'}"
-        )
-    check_mount(args.mount, args.scene)
+            f"{given or 'none'}",
+        ),
+        (
+            args.mount and args.scene is None,
+            f"--mount: expected no mount without --scene, got '{args.mount}'",
+        ),
+        (
+            args.mount == "fused",
+            "--mount: expected the name of one mount, got 'fused'; to train on fused frames, run "
+            "`infrasim run SCENE --fuse --out OUT` and give the folder OUT/fused/LIDAR as DATA",
+        ),
+    )
     accumulation = Accumulation(args.accumulate, args.label_at)
     if args.sites is not None:
         if accumulation.frames > 1:

@@ -6,10 +6,9 @@ from pathlib import Path
 from pyinfra.cli.messages import warn, with_options
 from pyinfra.cli.parser import argument, usage
 from pyinfra.core.errors import Error
-from pyinfra.core.files import write
 from pyinfra.dataset.frames import has_labels, lidar_folder
 from pyinfra.folders import trust, validate
-from pyinfra.formats.csv_table import number_text
+from pyinfra.formats.csv_table import write_csv
 
 add_arguments = usage(
     "Checks the frames of a data set and predictions for them, and reports common causes of "
@@ -67,5 +66,4 @@ def _trust(args: argparse.Namespace) -> None:
     shown = table.drop(columns="frames")
     print(shown.to_string(index=False, float_format=lambda v: f"{v:.3g}", na_rep="-"))
     if args.out is not None:
-        args.out.mkdir(parents=True, exist_ok=True)
-        write(args.out / "trust.csv", table.to_csv(index=False, float_format=number_text))
+        write_csv(args.out / "trust.csv", table)

@@ -45,6 +45,13 @@ def fail(file: Path, what: str, line: int | None = None) -> NoReturn:
     raise FormatError(f"{file}:{line}: {what}" if line else f"{file}: {what}")
 
 
+def refuse(*faults: tuple[object, str]) -> None:
+    """Raises Error with the text of the first fault whose condition holds."""
+    for is_fault, text in faults:
+        if is_fault:
+            raise Error(text)
+
+
 def keep_traceback(error: BaseException, file: Path) -> None:
     """Writes the traceback of an error to a file, for failures that do not stop the run."""
     file.parent.mkdir(parents=True, exist_ok=True)

@@ -11,10 +11,8 @@ import pandas as pd
 
 from pyinfra.experiments.coverage import ROAD
 from pyinfra.experiments.requirements import FRAME_MS
-from pyinfra.metrics.comparison import Interval, clipped, over_replicates
+from pyinfra.metrics.comparison import UNKNOWN, Interval, clipped, over_replicates
 from pyinfra.metrics.replicates import bootstrapped_of, difference, over_seeds
-
-UNKNOWN = Interval(math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True)

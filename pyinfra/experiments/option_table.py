@@ -17,7 +17,7 @@ from pyinfra.core.vocabulary import Tier
 from pyinfra.experiments.option import Option
 from pyinfra.experiments.options import read_options
 from pyinfra.experiments.requirements import Requirements, checked_requirements, unlike
-from pyinfra.metrics.comparison import Interval
+from pyinfra.metrics.comparison import Interval, columns_of
 from pyinfra.metrics.row_selection import COUNTED, OFF_REGION
 
 
@@ -127,7 +127,7 @@ def _row(
     return {
         "lidar": option.lidar,
         "detector": option.detector,
-        **_ends("ap_r1000", option.ap_whole),
+        **columns_of("ap_r1000", option.ap_whole),
         "price_usd": option.price_usd,
         "latency_ms": option.latency_ms,
         "meets": not broken,
@@ -138,11 +138,11 @@ def _row(
         "meets_latency": "latency" not in over,
         "share_over": first_over,
         "latency_over": over["latency"].share if "latency" in over else 0.0,
-        **_ends("difference", Interval(0, 0, 0) if option is first else first.less(option)),
-        **_ends("ap_visible_r1000", option.ap_visible),
-        **_ends("ap_captured_r1000", option.ap),
-        **_ends("recall", option.recall),
-        **_ends("covered_m", option.covered_m),
+        **columns_of("difference", Interval(0, 0, 0) if option is first else first.less(option)),
+        **columns_of("ap_visible_r1000", option.ap_visible),
+        **columns_of("ap_captured_r1000", option.ap),
+        **columns_of("recall", option.recall),
+        **columns_of("covered_m", option.covered_m),
         "road_m": option.road_m,
         OFF_REGION: option.off_region_per_min,
         "price_low_usd": option.price_low_usd,
@@ -153,10 +153,6 @@ def _row(
         "preset": option.preset,
         "ground_truth": option.whole,
     }
-
-
-def _ends(name: str, figure: Interval) -> dict[str, float]:
-    return {name: figure.value, f"{name}_low": figure.low, f"{name}_high": figure.high}
 
 
 def shortfalls(option: Option, requirements: Requirements) -> list[Shortfall]:

@@ -127,24 +127,31 @@ def covered_road(option: Option, requirements: Requirements) -> str:
     )
 
 
+def those_that_hold(*remarks: tuple[object, str]) -> Iterator[str]:
+    """Returns the texts of the remarks whose condition holds."""
+    return (text for holds, text in remarks if holds)
+
+
 def general_notes(options: Sequence[Option], requirements: Requirements) -> Iterator[str]:
     """Yields remarks that hold for all options: on AP, prices and latencies."""
-    if options[0].whole == "all":
-        yield (
-            "These results have no AP of the subset `present`: vehicles that are not visible from "
-            "the mount do not count. Run `pyinfra benchmark` again to count them."
-        )
-    if math.isnan(options[0].range_m) and requirements.range_m < REGION_M:
-        yield (
-            "These results have no AP within ranges, so AP is of the whole region. Run `pyinfra "
-            "benchmark` again to compute AP within ranges."
-        )
     unknown = [option for option in options if not option.ap_whole.is_known]
-    if unknown:
-        yield (
+    yield from those_that_hold(
+        (
+            options[0].whole == "all",
+            "These results have no AP of the subset `present`: vehicles that are not visible from "
+            "the mount do not count. Run `pyinfra benchmark` again to count them.",
+        ),
+        (
+            math.isnan(options[0].range_m) and requirements.range_m < REGION_M,
+            "These results have no AP within ranges, so AP is of the whole region. Run `pyinfra "
+            "benchmark` again to compute AP within ranges.",
+        ),
+        (
+            unknown,
             f"No interval is available for the AP of {names(unknown)}: {FEW_BLOCKS}, or the table "
-            "has no intervals."
-        )
+            "has no intervals.",
+        ),
+    )
     yield from replicates_note(options)
     yield from (f"{text}." for text in dict.fromkeys(o.other_frames for o in options) if text)
     yield from cost_notes(options[0])
@@ -249,21 +256,23 @@ def doubts(
 
 
 def doubts_of_order(first: Option, others: Sequence[Option], table: pd.DataFrame) -> Iterator[str]:
-    """Yields remarks on which other options may be as good as the first."""
+    """Returns remarks on which other options may be as good as the first."""
     ends = zip(table.difference_low, table.difference_high, strict=True)
     differences = [(o, Interval(0, *pair)) for o, pair in zip(others, ends, strict=True)]
     equal = [o for o, interval in differences if interval.is_known and not interval.is_significant]
-    if equal:
-        yield (
-            f"The AP of {first.name} does not differ significantly from that of {names(equal)} "
-            f"(the 95 % intervals include 0); {cheapest([first, *equal])}."
-        )
     unknown = [o for o, interval in differences if not interval.is_known]
-    if unknown:
-        yield (
+    return those_that_hold(
+        (
+            equal,
+            f"The AP of {first.name} does not differ significantly from that of {names(equal)} "
+            f"(the 95 % intervals include 0); {cheapest([first, *equal])}.",
+        ),
+        (
+            unknown,
             f"It is not known whether {first.name} is better than {names(unknown)}: the difference "
-            f"has no interval ({FEW_BLOCKS}, or the table is older)."
-        )
+            f"has no interval ({FEW_BLOCKS}, or the table is older).",
+        ),
+    )
 
 
 def cheapest(options: Sequence[Option]) -> str:
@@ -276,14 +285,14 @@ def cheapest(options: Sequence[Option]) -> str:
 
 
 def doubts_of_ap(named: Sequence[Option], requirements: Requirements) -> Iterator[str]:
-    """Yields remarks on options that may miss the required AP."""
+    """Returns remarks on options that may miss the required AP."""
     unsure = f"May have less than AP {requirements.min_ap:g} of {COUNTED[named[0].whole]}"
     below = [o for o in named if o.ap_whole.is_known and o.ap_whole.low < requirements.min_ap]
-    if below:
-        yield f"{unsure}: {names(below)} (the interval begins below)."
     unknown = [o for o in named if not o.ap_whole.is_known]
-    if unknown:
-        yield f"{unsure}: {names(unknown)} (no interval is available)."
+    return those_that_hold(
+        (below, f"{unsure}: {names(below)} (the interval begins below)."),
+        (unknown, f"{unsure}: {names(unknown)} (no interval is available)."),
+    )
 
 
 def doubts_of_price(named: Sequence[Option], requirements: Requirements) -> Iterator[str]:
@@ -295,23 +304,23 @@ def doubts_of_price(named: Sequence[Option], requirements: Requirements) -> Iter
 
 
 def doubts_of_latency(named: Sequence[Option], requirements: Requirements) -> Iterator[str]:
-    """Yields remarks on options that exceed the latency on a loaded machine or in some frames."""
+    """Returns remarks on options that exceed the latency on a loaded machine or in some frames."""
     unsure = [o for o in named if o.latency_ms > requirements.limit_ms(o.frame_ms)]
-    if unsure:
-        limits = requirements.limits_text(option.frame_ms for option in unsure)
-        load = load_text([option.other_cores for option in unsure])
-        yield (
-            f"Above {limits}, but measured while {load}: {names(unsure)}. Measure the latency "
-            "again on an idle machine."
-        )
     named = [option for option in named if option not in unsure]
     late = [o for o in named if o.latency_p95_ms > requirements.limit_ms(o.frame_ms)]
-    if late:
-        limits = requirements.limits_text(option.frame_ms for option in late)
-        yield (
-            f"Above {limits} in more than 5 % of the frames: {names(late)}. Their median latency "
-            "is lower."
-        )
+    load = load_text([option.other_cores for option in unsure])
+    return those_that_hold(
+        (
+            unsure,
+            f"Above {requirements.limits_text(option.frame_ms for option in unsure)}, but measured "
+            f"while {load}: {names(unsure)}. Measure the latency again on an idle machine.",
+        ),
+        (
+            late,
+            f"Above {requirements.limits_text(option.frame_ms for option in late)} in more than "
+            f"5 % of the frames: {names(late)}. Their median latency is lower.",
+        ),
+    )
 
 
 def left_out(options: Sequence[Option], table: pd.DataFrame) -> Iterator[str]:

@@ -41,6 +41,18 @@ class Interval(Presented):
         return self.low > 0 or self.high < 0
 
 
+UNKNOWN = Interval(math.nan, math.nan, math.nan)
+
+
+def columns_of(name: str, figure: Interval, factor: float = 1) -> dict[str, float]:
+    """Returns the columns of a table for a figure times a factor, with its interval."""
+    return {
+        name: factor * figure.value,
+        f"{name}_low": factor * figure.low,
+        f"{name}_high": factor * figure.high,
+    }
+
+
 @dataclass(frozen=True, eq=False)
 class Bootstrapped:
     """A figure with its bootstrap replicates."""

@@ -63,7 +63,7 @@ Fault = Callable[[Points], Points]
 CONDITIONS: dict[str, Fault] = {
     AS_KNOWN: lambda points: points,
     "height 0.25 m wrong": partial(clouds.height_error, height_m=0.25, _=RANDOM),
-    "pitch 0.5 deg wrong": partial(clouds.pitch_error, pitch_deg=0.5, _=RANDOM),
+    "pitch 0.5 deg wrong": partial(clouds.angle_error, degrees=0.5, _=RANDOM, axis="pitch"),
 }
 KINDS: dict[str, Callable[[Keys], bool]] = {
     "all": lambda keys: True,

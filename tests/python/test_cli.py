@@ -74,7 +74,7 @@ def test_an_error_of_the_user_names_the_option(
     assert capsys.readouterr().err == f"pyinfra: {message}\n"
 
 
-@pytest.mark.parametrize("command", [command.name for command in main.COMMANDS])
+@pytest.mark.parametrize("command", main.COMMANDS)
 def test_help_of_every_command_has_an_example(
     command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -86,7 +86,7 @@ def test_help_of_every_command_has_an_example(
 
 def test_help_lists_every_command_in_one_group(capsys: pytest.CaptureFixture[str]) -> None:
     grouped = [name for names in main.GROUPS.values() for name in names]
-    assert sorted(grouped) == sorted(command.name for command in main.COMMANDS)
+    assert sorted(grouped) == sorted(main.COMMANDS)
     with pytest.raises(SystemExit):
         main.main(["--help"])
     text = capsys.readouterr().out
@@ -123,9 +123,9 @@ def test_closed_pipe_is_no_traceback(tmp_path: Path) -> None:
 
 def parsers() -> Iterator[argparse.ArgumentParser]:
     """Yields the parser of every command, and of every subcommand of `site`."""
-    for command in main.COMMANDS:
-        parser = argparse.ArgumentParser(command.name)
-        importlib.import_module(command.module).add_arguments(parser)
+    for command, (module, _) in main.COMMANDS.items():
+        parser = argparse.ArgumentParser(command)
+        importlib.import_module(module).add_arguments(parser)
         steps = [a for a in parser._actions if isinstance(a, argparse._SubParsersAction)]
         yield from (p for step in steps for p in step.choices.values())
         yield parser

@@ -149,7 +149,7 @@ def test_a_map_becomes_a_signed_answer_in_few_commands() -> None:
 
 @pytest.mark.parametrize("page", doc_pages.PAGES, ids=lambda page: page.stem)
 def test_commands_inside_sentences_exist(page: Path, infrasim: Callable[..., object]) -> None:
-    known = {command.name for command in main.COMMANDS}
+    known = set(main.COMMANDS)
     for program, *words in doc_pages.spoken(page):
         if program == "make":
             doc_pages.check_make(words)

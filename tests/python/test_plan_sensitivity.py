@@ -19,13 +19,12 @@ from pyinfra.experiments.planner.check import paired, share
 from pyinfra.experiments.planner.choice import Choice, Units
 from pyinfra.experiments.planner.costs import open_lidars, read_costs
 from pyinfra.experiments.planner.notes import how_chosen
-from pyinfra.experiments.planner.predict import UNKNOWN
 from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.sensitivity import PRICES, Move, cases_of, losses, with_prices
 from pyinfra.experiments.planner.simulate import Found, frames_at
 from pyinfra.experiments.planner.site import PlanSite, choice_end, open_site, other_traffic
 from pyinfra.experiments.planner.verdict import Standing, in_order, verdict
-from pyinfra.metrics.comparison import Interval, clipped
+from pyinfra.metrics.comparison import UNKNOWN, Interval, clipped
 
 POSE = [-14.0, 9.5, 5.0, -30.0, 0.0]
 ONE = [(POSE, simulation.load_lidar(lidar_file("helios_16")))]

@@ -139,28 +139,28 @@ def test_a_sector_is_blocked_to_both_sides_of_the_view() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "severity", "point", "seen"),
+    ("name", "severity", "point", "seen"),
     [
         # The sensor is 2 m too high, so the road at 6 m below it is 8 m below.
-        (clouds.height_error, 2, (10, 3, -6), (10, 3, -8)),
+        ("height_error", 2, (10, 3, -6), (10, 3, -8)),
         # The sensor looks 30 degrees down, so points ahead lie above its axis.
-        (clouds.pitch_error, 30, (10, 0, 0), (8.660254, 0, 5)),
-        (clouds.pitch_error, 30, (0, 10, 0), (0, 10, 0)),
+        ("pitch_error", 30, (10, 0, 0), (8.660254, 0, 5)),
+        ("pitch_error", 30, (0, 10, 0), (0, 10, 0)),
         # The sensor leans to the right, so points on the left lie below its left axis.
-        (clouds.roll_error, 30, (0, 10, 0), (0, 8.660254, -5)),
-        (clouds.roll_error, 30, (10, 0, 0), (10, 0, 0)),
+        ("roll_error", 30, (0, 10, 0), (0, 8.660254, -5)),
+        ("roll_error", 30, (10, 0, 0), (10, 0, 0)),
         # The sensor is turned left, so points ahead lie to its right.
-        (clouds.yaw_error, 30, (10, 0, 0), (8.660254, -5, 0)),
-        (clouds.yaw_error, 90, (0, 10, -6), (10, 0, -6)),
+        ("yaw_error", 30, (10, 0, 0), (8.660254, -5, 0)),
+        ("yaw_error", 90, (0, 10, -6), (10, 0, -6)),
     ],
 )
 def test_a_pose_error_moves_points_as_worked_by_hand(
-    change: Callable[[Points, float, clouds.Rng], Points],
+    name: str,
     severity: float,
     point: tuple[float, float, float],
     seen: tuple[float, float, float],
 ) -> None:
-    out = change(cloud(point), severity, rng())
+    out = STRESSORS[name].apply(cloud(point), severity, seed=1, frame=0)
     np.testing.assert_allclose(out[0, :3], seen, atol=1e-5)
     assert out[0, 3] == 0.5
 

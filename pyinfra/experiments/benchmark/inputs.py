@@ -34,14 +34,6 @@ def resolved(file: Path, preset: str = "", *words: str) -> str:
     return infrasim("check", file, *(["--preset", preset] if preset else []), *words)
 
 
-def canonical(file: Path, preset: str) -> str:
-    """Returns the resolved text with the keys of version 0.3, and `frames_version` of a scene.
-
-    The text stays the same when a later version renames a key. Raises SimulatorError.
-    """
-    return resolved(file, preset, "--canonical")
-
-
 def price_of(lidar: Path, preset: str) -> dict[str, Any]:
     """Returns the price with the keys low, high, source, date.
 
@@ -116,9 +108,11 @@ def digests(plan: Plan) -> pd.DataFrame:
 
 
 def digest(plan: Plan, scene: str, preset: str, lidar: str) -> str:
+    # Canonical texts have the keys of version 0.3, so that they stay the same when a later version
+    # renames a key. That of a scene has `frames_version`.
     file = plan.files["scenes", scene]
-    data_set = canonical(file, preset)
-    unit = PRICE.sub("", canonical(plan.files["lidars", lidar], preset))
+    data_set = resolved(file, preset, "--canonical")
+    unit = PRICE.sub("", resolved(plan.files["lidars", lidar], preset, "--canonical"))
     parts = [data_set, unit, plan.frames, str(plan.parts)]
     parts += [f"traffic_offset {plan.traffic_offset}"] if plan.traffic_offset else []
     hasher = hashlib.sha256("\n".join(parts).encode())

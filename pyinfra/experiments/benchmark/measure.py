@@ -64,9 +64,8 @@ def tables(
     evaluation = evaluated(folder, run / "predictions", SETTINGS, ranges=True)
     check_counted(evaluation)
     windows = evaluation.distance_ap
-    squares = {} if evaluation.cells is None else {"squares": keyed(experiment, evaluation.cells)}
     return {
-        **squares,
+        "squares": keyed(experiment, evaluation.cells),
         "ranges": keyed(experiment, evaluation.ranges),
         "areas": keyed(experiment, evaluation.areas),
         "distance": keyed(experiment, windows[windows.ground_truth != "common"]),

@@ -56,7 +56,7 @@ def benchmark(
     forget_failed(workspace, plan)
     left = workspace.without_row(plan.experiments)
     if left:
-        simulate_data_sets(plan, workspace, where, progress)
+        simulate_data_sets(plan, workspace, where, digests, progress)
         pool.run(
             partial(
                 fill,
@@ -105,7 +105,11 @@ def forget_failed(workspace: Workspace, plan: Plan) -> None:
 
 
 def simulate_data_sets(
-    plan: Plan, workspace: Workspace, where: pool.Pool, progress: Progress = silent
+    plan: Plan,
+    workspace: Workspace,
+    where: pool.Pool,
+    digests: pd.DataFrame,
+    progress: Progress = silent,
 ) -> None:
     """Simulates and splits all data sets of the plan, and writes their tables."""
     for data_set, experiments in plan.data_sets().items():
@@ -113,7 +117,6 @@ def simulate_data_sets(
         for name in frames.lidars_of(experiments):
             for file in lidar_files(workspace.work / "data" / data_set, name):
                 inputs.renew_price(plan.files["lidars", name], experiments[0].preset, file)
-    digests = inputs.digests(plan)
     shards = frames.shards(plan, workspace.work, where.jobs)
     progress(f"pyinfra: {len(plan.data_sets())} data sets in {len(shards)} shards")
     for line in frames.warnings(plan):

@@ -14,7 +14,7 @@ from dataclasses import replace
 import pandas as pd
 import yaml
 
-from pyinfra.core.errors import Error
+from pyinfra.core.errors import Error, refuse
 from pyinfra.experiments import pool, store
 from pyinfra.experiments.benchmark import inputs
 from pyinfra.experiments.benchmark.matrix import Plan
@@ -53,13 +53,17 @@ def benchmark_until(
     Raises Error if the benchmark has several seeds or recorded traffic, or if an experiment failed.
     """
     seeds = sorted({experiment.seed for experiment in plan.experiments})
-    if len(seeds) != 1:
-        raise Error(
+    refuse(
+        (
+            len(seeds) != 1,
             f"seeds: expected one seed, got {', '.join(map(str, seeds))}; the seeds of the "
-            "replicates are computed from this seed"
-        )
-    if not half_width_ap > 0:
-        raise Error(f"until: expected a half-width above 0 (in AP), got {half_width_ap:g}")
+            "replicates are computed from this seed",
+        ),
+        (
+            not half_width_ap > 0,
+            f"until: expected a half-width above 0 (in AP), got {half_width_ap:g}",
+        ),
+    )
     for name in dict.fromkeys(experiment.scene for experiment in plan.experiments):
         file = plan.files["scenes", name]
         if not yaml.safe_load(inputs.resolved(file)).get("traffic"):

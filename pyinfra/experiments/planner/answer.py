@@ -18,7 +18,7 @@ from pyinfra.experiments.planner.costs import CORES
 from pyinfra.experiments.planner.detectability import Detectability
 from pyinfra.experiments.planner.notes import how_chosen, left_out, usd
 from pyinfra.experiments.planner.observe import Setting
-from pyinfra.experiments.planner.predict import PREDICTED, SIMULATED, UNKNOWN, Standing
+from pyinfra.experiments.planner.predict import PREDICTED, SIMULATED, Standing
 from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.sensitivity import PERCENT, RAIN, Move
 from pyinfra.experiments.planner.simulate import Counting
@@ -33,7 +33,7 @@ from pyinfra.experiments.planner.verdict import (
     verdict,
 )
 from pyinfra.experiments.requirements import unlike
-from pyinfra.metrics.comparison import Interval
+from pyinfra.metrics.comparison import UNKNOWN, Interval
 from pyinfra.scenes.maps.site_traffic import lacking_traffic
 
 FOOT_M = 0.3048

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -114,9 +114,7 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
         blank = table[name].isna() & (name not in POSE[:2])
         expect(file, table[name], blank | (table[name].abs() <= 1e5), "a number")
     check_metres(site.file.parent, table[POSE[:2]].to_numpy(float), f"{file}: x_m, y_m")
-    if "existing" not in table:
-        table["existing"] = "no"
-    table["existing"] = table.existing.fillna("no")
+    table["existing"] = table.existing.fillna("no") if "existing" in table else "no"
     expect(file, table.existing, table.existing.isin(["yes", "no"]), "yes or no")
     rows = table.drop_duplicates(["x_m", "y_m", "existing"])
     twice = rows.index[rows.duplicated(["x_m", "y_m"])]
@@ -139,7 +137,7 @@ def filled(
     """
     blank = poses[name].isna().to_numpy() if name in poses else np.ones(len(poses), bool)
     made = (poses.assign(**choice)[blank] for choice in choices)
-    return each(part for part in (poses[~blank], *made) if len(part))
+    return pd.concat((p for p in (poses[~blank], *made) if len(p)), ignore_index=True)
 
 
 def on_arms(poses: pd.DataFrame, file: Path) -> pd.DataFrame:
@@ -190,11 +188,6 @@ def turned(poses: pd.DataFrame, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
     ground, _ = nearest_roads(site.roads, table[["x_m", "y_m"]].to_numpy(float))
     table.insert(5, "height_m", table.z_m - ground)
     return table.round(3)
-
-
-def each(parts: Iterable[pd.DataFrame]) -> pd.DataFrame:
-    """Returns the rows of all parts."""
-    return pd.concat(parts, ignore_index=True)
 
 
 def with_faults(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:

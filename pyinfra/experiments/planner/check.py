@@ -10,12 +10,12 @@ from pyinfra.core.arrays import AnyArray, BoolArray
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.choice import Choice, first_at_each_place, listed
 from pyinfra.experiments.planner.observe import Setting
-from pyinfra.experiments.planner.predict import SIMULATED, UNKNOWN, Standing, moved_by_frame
+from pyinfra.experiments.planner.predict import SIMULATED, Standing, moved_by_frame
 from pyinfra.experiments.planner.request import Request, masks_of, weighted, with_objects
 from pyinfra.experiments.planner.simulate import Found, Parts, simulate_option
 from pyinfra.experiments.planner.site import PlanSite
 from pyinfra.experiments.planner.verdict import LISTED, Compared, in_order
-from pyinfra.metrics.comparison import Interval, clipped
+from pyinfra.metrics.comparison import UNKNOWN, Interval, clipped
 from pyinfra.metrics.intervals import student
 
 MOST_SIMULATED = 6  # maximum number of simulated options, plus one with other LiDARs or pole count

@@ -28,7 +28,7 @@ from pyinfra.experiments.planner.choice import (
     upper_bound,
 )
 from pyinfra.experiments.planner.observe import Objects, Observed, Setting, observed_again
-from pyinfra.experiments.planner.predict import UNKNOWN, Prediction, Standing, predict
+from pyinfra.experiments.planner.predict import Prediction, Standing, predict
 from pyinfra.experiments.planner.request import (
     Goal,
     Request,
@@ -39,6 +39,7 @@ from pyinfra.experiments.planner.request import (
 )
 from pyinfra.experiments.planner.site import other_traffic
 from pyinfra.experiments.planner.verdict import Compared
+from pyinfra.metrics.comparison import UNKNOWN
 
 UNSEEN_FRAMES = 48  # number of frames for predictions, in traffic other than that of the choice
 CELL_M = 5.0

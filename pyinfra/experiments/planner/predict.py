@@ -25,11 +25,10 @@ from pyinfra.experiments.planner.detectability import (
 )
 from pyinfra.experiments.planner.observe import Objects, Observed
 from pyinfra.experiments.planner.request import Request, can_be_found, of_name
-from pyinfra.metrics.comparison import Interval, clipped
+from pyinfra.metrics.comparison import UNKNOWN, Interval, clipped
 
 Z95 = 1.959964
 SIMULATED, PREDICTED = "simulated", "predicted"
-UNKNOWN = Interval(float("nan"), float("nan"), float("nan"))
 
 
 @dataclass(frozen=True, eq=False)

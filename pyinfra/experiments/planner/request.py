@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import BoolArray, FloatArray
-from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.errors import Error, FormatError, refuse
 from pyinfra.core.progress import show_line
 from pyinfra.core.vocabulary import Preset
 from pyinfra.dataset.frames import PERIOD_S
@@ -110,7 +110,7 @@ def check_request(request: Request, effort: Effort, law: Detectability) -> None:
     """Checks what ranges alone do not. Raises Error."""
     find, count, people = request.find, effort.count, request.people
     share = f"; it is a share, not percent: {find / 100:g}" if 1 < find <= 100 else ""
-    faults = (
+    refuse(
         (not 0 <= find <= 1, f"find: expected 0 to 1, got {find:g}{share}"),
         (
             not request.false_per_minute > 0,
@@ -127,9 +127,6 @@ def check_request(request: Request, effort: Effort, law: Detectability) -> None:
             f"got {people:g}; the detector generalist detects them",
         ),
     )
-    for is_fault, text in faults:
-        if is_fault:
-            raise Error(text)
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,10 +205,8 @@ def read_areas(file: Path) -> tuple[Area, ...]:
     check_columns(file, table, [*AREA_COLUMNS, "class", "weight"])
     if table.empty:
         raise FormatError(f"{file}: expected one or more areas, got none")
-    if "weight" not in table:
-        table["weight"] = 1.0
-    if "class" not in table:
-        table["class"] = "any"
+    usual = {"weight": 1.0, "class": "any"}
+    table = table.assign(**{key: usual[key] for key in usual if key not in table})
     table = table.astype(dict.fromkeys((*AREA_COLUMNS[1:], "weight"), float))
     name = table["name"]
     expect(file, name, name.notna(), "a name")

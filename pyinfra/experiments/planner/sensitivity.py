@@ -6,7 +6,7 @@ differences are paired.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, product
 
@@ -18,13 +18,12 @@ from pyinfra.dataset.loading import with_meshes
 from pyinfra.experiments.planner.check import near_vehicles, paired, share, simulate
 from pyinfra.experiments.planner.choice import Choice, Units
 from pyinfra.experiments.planner.observe import Setting, observed_again
-from pyinfra.experiments.planner.predict import PREDICTED, SIMULATED, UNKNOWN, predict
+from pyinfra.experiments.planner.predict import PREDICTED, SIMULATED, predict
 from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.simulate import Found, Parts, simulate_option
 from pyinfra.experiments.planner.site import PlanSite, other_traffic
-from pyinfra.experiments.planner.tables import ends
 from pyinfra.experiments.planner.verdict import Compared, in_order
-from pyinfra.metrics.comparison import Interval
+from pyinfra.metrics.comparison import UNKNOWN, Interval, columns_of
 
 COLUMNS = [
     "case", "option", "chosen", "lidars", "poles", "price_usd",
@@ -178,13 +177,10 @@ def recall_in_rain(compared: Compared, setting: Setting) -> list[Interval]:
 Row = dict[str, object]
 
 
-def sensitivity_table(rows: Iterable[Row]) -> pd.DataFrame:
+def sensitivity_table(rows: Sequence[Row]) -> pd.DataFrame:
     """Returns the rows as a table. A case that comes again replaces the earlier one."""
-    last: dict[object, Row] = {}
-    for row in rows:
-        last.pop(row["case"], None)
-        last[row["case"]] = row
-    return pd.DataFrame(last.values(), columns=COLUMNS)
+    table = pd.DataFrame(rows, columns=COLUMNS)
+    return table.drop_duplicates("case", keep="last", ignore_index=True)
 
 
 def computed_rows(
@@ -264,7 +260,7 @@ def case_row(
         "lidars": " + ".join(compared.units.names(choice.units)),
         "poles": len(compared.units.poles(choice.units)),
         "price_usd": choice.price.middle,
-        **ends("recall", recall, 100),
-        **ends("change", change, 100),
+        **columns_of("recall", recall, 100),
+        **columns_of("change", change, 100),
         "source": source,
     }

@@ -23,9 +23,9 @@ from pyinfra.dataset.fused import fused
 from pyinfra.dataset.simulated_frames import SimulatedFrames
 from pyinfra.dataset.world_frame import to_world
 from pyinfra.experiments.planner.candidates import POSE
-from pyinfra.experiments.planner.predict import UNKNOWN, Z95
+from pyinfra.experiments.planner.predict import Z95
 from pyinfra.experiments.planner.site import PlanSite
-from pyinfra.metrics.comparison import Interval, clipped, over_replicates
+from pyinfra.metrics.comparison import UNKNOWN, Interval, clipped, over_replicates
 from pyinfra.metrics.evaluate import evaluated
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.settings import Settings

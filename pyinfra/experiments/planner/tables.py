@@ -16,11 +16,11 @@ from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.costs import PlanLidar
 from pyinfra.experiments.planner.observe import Setting
-from pyinfra.experiments.planner.predict import SIMULATED, UNKNOWN, Prediction, Standing
+from pyinfra.experiments.planner.predict import SIMULATED, Prediction, Standing
 from pyinfra.experiments.planner.request import Request
 from pyinfra.experiments.planner.verdict import Compared, verdict
 from pyinfra.formats.yaml_file import read_keys
-from pyinfra.metrics.comparison import Interval
+from pyinfra.metrics.comparison import UNKNOWN, Interval, columns_of
 
 REQUEST_FILE = "plan.yaml"
 
@@ -87,15 +87,6 @@ def write_tables(folder: Path, **tables: pd.DataFrame) -> None:
         write(folder / f"{name}.csv", table.to_csv(index=False, float_format="%.6g"))
 
 
-def ends(name: str, value: Interval, factor: float = 1.0) -> dict[str, float]:
-    """Returns the columns of a figure with its interval."""
-    return {
-        name: factor * value.value,
-        f"{name}_low": factor * value.low,
-        f"{name}_high": factor * value.high,
-    }
-
-
 def option_table(compared: Compared, setting: Setting, in_rain: Sequence[Interval]) -> pd.DataFrame:
     """Returns a row for each unit of each option; the columns of the option are repeated.
 
@@ -149,21 +140,21 @@ def _figures(before: Prediction, now: Standing, request: Request) -> dict[str, o
     simulated = {"recall": now.recall, "people_recall": now.people, **now.shares}
     return {
         "verdict": verdict(now, request),
-        **ends("share", now.recall, 100),
+        **columns_of("share", now.recall, 100),
         "source": now.source,
         "weighted": 100 * now.weighted,
-        **{key: x for name, one in shares.items() for key, x in ends(name, one, 100).items()},
-        **ends("false_per_frame", before.false_per_frame),
+        **{key: x for name, one in shares.items() for key, x in columns_of(name, one, 100).items()},
+        **columns_of("false_per_frame", before.false_per_frame),
         "score": before.cut,
         "keeps_false": before.keeps_false,
-        **ends("ap_predicted", law.ap),
+        **columns_of("ap_predicted", law.ap),
         **{
             key: x
             for name, one in simulated.items()
-            for key, x in ends(f"{name}_simulated", one if done else UNKNOWN, 100).items()
+            for key, x in columns_of(f"{name}_simulated", one if done else UNKNOWN, 100).items()
         },
-        **ends("false_per_frame_simulated", now.false_per_frame if done else UNKNOWN),
-        **ends("ap_simulated", now.ap if done else UNKNOWN),
+        **columns_of("false_per_frame_simulated", now.false_per_frame if done else UNKNOWN),
+        **columns_of("ap_simulated", now.ap if done else UNKNOWN),
         "position_m_simulated": now.position_m,
     }
 

@@ -134,13 +134,13 @@ def _tell_from_first(mounts: dict[str, dict[str, Any]]) -> None:
 
 
 def density(base: Base, times: float | str) -> AlteredScene:
-    return AlteredScene(
-        (f"traffic.vehicles_per_km_lane={_times(base, times, 'vehicles_per_km_lane')}",)
-    )
+    value = float(times) * float(base.scene["traffic"]["vehicles_per_km_lane"])
+    return AlteredScene((f"traffic.vehicles_per_km_lane={value:g}",))
 
 
 def speed(base: Base, times: float | str) -> AlteredScene:
-    return AlteredScene((f"traffic.speed.mean_km_h={_times(base, times, 'speed', 'mean_km_h')}",))
+    value = float(times) * float(base.scene["traffic"]["speed"]["mean_km_h"])
+    return AlteredScene((f"traffic.speed.mean_km_h={value:g}",))
 
 
 def tilt(base: Base, pitch_deg: float | str) -> AlteredScene:
@@ -148,14 +148,6 @@ def tilt(base: Base, pitch_deg: float | str) -> AlteredScene:
     mounts = base.mounts.items()
     down = {name: mount.get("pitch_deg", 0) + float(pitch_deg) for name, mount in mounts}
     return AlteredScene(tuple(f"mounts.{name}.pitch_deg={deg:g}" for name, deg in down.items()))
-
-
-def pole_clock(base: Base, ms: float | str) -> AlteredScene:
-    return AlteredScene(late_clocks(base.mounts, float(ms)))
-
-
-def pole_yaw(base: Base, degrees: float | str) -> AlteredScene:
-    return AlteredScene(wrong_turns(base.mounts, float(degrees)))
 
 
 def late_clocks(mounts: Mapping[str, Mapping[str, Any]], ms: float) -> tuple[str, ...]:
@@ -183,11 +175,6 @@ def wrong_turns(mounts: Mapping[str, Mapping[str, Any]], degrees: float) -> tupl
     return tuple(words)
 
 
-def cut_angle(_: Base, degrees: float | str) -> AlteredScene:
-    """Turns the cut angles of all units to the left by `degrees`."""
-    return AlteredScene(turns_deg=(float(degrees),))
-
-
 def phase(_: Base, sample: float | str) -> AlteredScene:
     """Gives every unit an independent random cut angle, as after a power failure.
 
@@ -201,24 +188,12 @@ def angles_deg(seed: int) -> tuple[float, ...]:
     return tuple(np.random.default_rng([seed, PHASES]).uniform(0, 360, PHASES).round(3).tolist())
 
 
-def other_lidar(_: Base, name: float | str) -> AlteredScene:
-    return AlteredScene(lidar=str(name))
-
-
-def other_scene(_: Base, name: float | str) -> AlteredScene:
-    return AlteredScene(scene=str(name))
-
-
 def other_preset(base: Base, name: float | str) -> AlteredScene:
     """Uses the LiDAR of the catalogue with another preset.
 
     A data set has one preset only, so the LiDAR is read from the catalogue by its name.
     """
     return AlteredScene(lidar=base.lidar.name, preset=str(name))
-
-
-def one_class(_: Base, name: float | str) -> AlteredScene:
-    return AlteredScene((f"traffic.class_shares={{{name}: 1}}",))
 
 
 def check(base: Base, altered: AlteredScene) -> None:
@@ -248,8 +223,7 @@ def simulated(base: Base, altered: AlteredScene, cache: Path, name: str) -> Path
     """Simulates the base's frames with changes; returns the LiDAR's folder in the cache.
 
     Existing frames are not simulated again. The folder's name is `name`, for human readers,
-    followed by a digest of the configuration. Raises FormatError for a LiDAR that was not
-    simulated, and SimulatorError.
+    followed by a digest of the configuration. Raises SimulatorError.
     """
     texts = _texts(base, altered)
     out = cache / f"{name}_{_digest(base, altered, texts)}"
@@ -317,12 +291,3 @@ def frame_words(frames: Sequence[int]) -> str:
     """
     gaps = [b - a for a, b in itertools.pairwise(frames)]
     return f"{frames[0]}:{frames[-1] + 1}:{math.gcd(*gaps) or 1}"
-
-
-def _times(base: Base, times: float | str, *keys: str) -> str:
-    value: Any = base.scene.get("traffic")
-    if not isinstance(value, dict):
-        raise Error(f"{base.folder.parent}: expected a scene with the key traffic, got no traffic")
-    for key in keys:
-        value = value[key]
-    return f"{float(times) * float(value):g}"

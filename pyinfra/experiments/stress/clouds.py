@@ -37,19 +37,13 @@ def height_error(points: Points, height_m: float, _: Rng) -> Points:
     return moved(points, np.eye(3), height_m)
 
 
-def roll_error(points: Points, roll_deg: float, _: Rng) -> Points:
-    """Returns points for an unknown roll to the right: objects on the left appear lower."""
-    return moved(points, rotation(roll=math.radians(roll_deg)))
+def angle_error(points: Points, degrees: float, _: Rng, axis: str) -> Points:
+    """Returns points for an unknown angle of the sensor.
 
-
-def pitch_error(points: Points, pitch_deg: float, _: Rng) -> Points:
-    """Returns points for an unknown downward pitch: objects ahead appear higher."""
-    return moved(points, rotation(pitch=math.radians(pitch_deg)))
-
-
-def yaw_error(points: Points, yaw_deg: float, _: Rng) -> Points:
-    """Returns points for an unknown yaw to the left: objects ahead appear further right."""
-    return moved(points, rotation(yaw=math.radians(yaw_deg)))
+    axis: `roll` to the right (objects on the left appear lower), `pitch` downwards (objects ahead
+    appear higher) or `yaw` to the left (objects ahead appear further right).
+    """
+    return moved(points, rotation(**{axis: math.radians(degrees)}))
 
 
 def moved(points: Points, R_true_known: FloatArray, height_m: float = 0.0) -> Points:

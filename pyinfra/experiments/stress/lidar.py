@@ -6,7 +6,6 @@ from typing import Any
 
 import yaml
 
-from pyinfra.core.errors import FormatError
 from pyinfra.core.files import resolved
 from pyinfra.formats.kitti import read_written_keys
 
@@ -57,15 +56,11 @@ def table_files(config: Keys, folder: Path) -> list[Path]:
 def text(file: Path, turns_deg: Sequence[float] = ()) -> str:
     """Returns the text of a LiDAR file for the simulator, with all units as one bundle.
 
-    turns_deg: angles by which the cut angles of the units are turned. The angles repeat if there
-    are more units than angles. Raises FormatError for a LiDAR that was not simulated.
+    file: of a LiDAR that was simulated. turns_deg: angles by which the cut angles of the units are
+    turned. The angles repeat if there are more units than angles.
     """
     config = read(file)
     units = units_of(config)
-    if not units:
-        raise FormatError(
-            f"{file}: expected the key pattern, got none; frames are simulated from a pattern"
-        )
     if turns_deg:
         units = [turned(unit, turns_deg[i % len(turns_deg)]) for i, unit in enumerate(units)]
     total = config["price_total_usd"] | {"source": "the bundle", "date": "its own"}

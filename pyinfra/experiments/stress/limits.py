@@ -10,6 +10,7 @@ from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import lidar_file
 from pyinfra.dataset.frames_version import number_at
 from pyinfra.dataset.runs import SimulatorError, infrasim
+from pyinfra.dataset.simulation import frames_version
 from pyinfra.experiments.stress import lidar
 from pyinfra.experiments.stress.altered_scenes import Base
 
@@ -22,28 +23,33 @@ def scene(base: Base) -> str:
     The frames must have the number of the simulator. Otherwise a difference would also be that
     between two versions of the simulator.
     """
-    folder = base.folder.parent
-    if not base.scene:
-        return f"{folder}: {ONLY_CLOUDS}, because there is no dataset.yaml"
-    if "roads" not in base.scene:
-        return f"{folder / 'dataset.yaml'}: {ONLY_CLOUDS}, because a recording has no roads"
-    for key in ("static_layers", "lanes", "meshes"):
-        if base.scene.get(key):
-            return (
-                f"{folder / 'dataset.yaml'}: {key}: {ONLY_CLOUDS}, because a run does not copy the "
-                "files of this key"
+    folder, file = base.folder.parent, base.trajectories
+    described, number = folder / "dataset.yaml", number_at(base.folder) or "none"
+    faults = (
+        (not base.scene, f"{folder}: {ONLY_CLOUDS}, because there is no dataset.yaml"),
+        (
+            "roads" not in base.scene,
+            f"{described}: {ONLY_CLOUDS}, because a recording has no roads",
+        ),
+        *(
+            (
+                base.scene.get(key),
+                f"{described}: {key}: {ONLY_CLOUDS}, because a run does not copy the files of this "
+                "key",
             )
-    if (file := base.trajectories) is not None and not file.is_file():
-        return f"{file}: expected this file, got none; the scene is simulated again with this file"
-    from pyinfra.dataset.simulation import frames_version
-
-    number = number_at(base.folder) or "none"
-    if number != str(frames_version()):
-        return (
-            f"{folder / 'dataset.yaml'}: frames_version: expected {frames_version()} for stressors "
-            f"that change more than clouds, got {number}"
-        )
-    return ""
+            for key in ("static_layers", "lanes", "meshes")
+        ),
+        (
+            file is not None and not file.is_file(),
+            f"{file}: expected this file, got none; the scene is simulated again with this file",
+        ),
+        (
+            number != str(frames_version()),
+            f"{described}: frames_version: expected {frames_version()} for stressors that change "
+            f"more than clouds, got {number}",
+        ),
+    )
+    return next((text for is_fault, text in faults if is_fault), "")
 
 
 def rays(base: Base) -> str:

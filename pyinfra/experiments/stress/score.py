@@ -19,8 +19,7 @@ from pyinfra.metrics import ap
 from pyinfra.metrics.evaluation_tables import ap_r1000_of, ap_row
 from pyinfra.metrics.ground_truth import GroundTruth
 from pyinfra.metrics.match_input import MatchInput, match_input
-from pyinfra.metrics.match_results import MatchResult, causes
-from pyinfra.metrics.match_results import count_matches as count_matches
+from pyinfra.metrics.match_results import MatchResult, causes, count_matches
 from pyinfra.metrics.matching import IOU, pairs_of_frames
 from pyinfra.metrics.replicates import replicate_rows, same_of
 from pyinfra.metrics.settings import Settings

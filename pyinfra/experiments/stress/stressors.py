@@ -3,6 +3,7 @@
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -101,9 +102,18 @@ STRESSORS = {
             "range_noise", "m", (0.0, 0.1, 0.2, 0.4, 0.8), sensor_faults.range_noise, needs=ALONE
         ),
         Stressor("height_error", "m", (0.0, 0.25, 0.5, 1.0, 2.0), clouds.height_error),
-        Stressor("roll_error", "deg", (0.0, 0.5, 1.0, 2.0, 4.0), clouds.roll_error),
-        Stressor("pitch_error", "deg", (0.0, 0.25, 0.5, 1.0, 2.0), clouds.pitch_error),
-        Stressor("yaw_error", "deg", (0.0, 0.25, 0.5, 1.0, 2.0), clouds.yaw_error),
+        Stressor(
+            "roll_error", "deg", (0.0, 0.5, 1.0, 2.0, 4.0), partial(clouds.angle_error, axis="roll")
+        ),
+        Stressor(
+            "pitch_error",
+            "deg",
+            (0.0, 0.25, 0.5, 1.0, 2.0),
+            partial(clouds.angle_error, axis="pitch"),
+        ),
+        Stressor(
+            "yaw_error", "deg", (0.0, 0.25, 0.5, 1.0, 2.0), partial(clouds.angle_error, axis="yaw")
+        ),
         Stressor(
             "lost_lines",
             "share",
@@ -141,7 +151,8 @@ STRESSORS = {
             "cut_angle",
             "deg",
             (0.0, 45.0, 90.0, 135.0, 180.0, 225.0, 270.0, 315.0),
-            scene_change=altered_scenes.cut_angle,
+            # turns the cut angles of all units to the left
+            scene_change=lambda _, degrees: AlteredScene(turns_deg=(float(degrees),)),
             needs=CUT_ANGLE,
         ),
         Stressor(
@@ -155,14 +166,14 @@ STRESSORS = {
             "unseen_lidar",
             "name",
             (UNSTRESSED, *LIDARS),
-            scene_change=altered_scenes.other_lidar,
+            scene_change=lambda _, name: AlteredScene(lidar=str(name)),
             needs=(limits.scene, limits.known_preset),
         ),
         Stressor(
             "unseen_scene",
             "name",
             (UNSTRESSED, *SCENES),
-            scene_change=altered_scenes.other_scene,
+            scene_change=lambda _, name: AlteredScene(scene=str(name)),
             needs=(*ALONE, *SCENE),
         ),
         Stressor(
@@ -176,21 +187,25 @@ STRESSORS = {
             "vehicle_class",
             "name",
             (UNSTRESSED, "Truck", "Bus", "Motorcycle"),
-            scene_change=altered_scenes.one_class,
+            scene_change=lambda _, name: AlteredScene((f"traffic.class_shares={{{name}: 1}}",)),
             needs=TRAFFIC,
         ),
         Stressor(
             "pole_clock",
             "ms",
             (0.0, 10.0, 20.0, 50.0, 100.0),
-            scene_change=altered_scenes.pole_clock,
+            scene_change=lambda base, ms: AlteredScene(
+                altered_scenes.late_clocks(base.mounts, float(ms))
+            ),
             needs=POLES,
         ),
         Stressor(
             "pole_yaw",
             "deg",
             (0.0, 0.1, 0.2, 0.5, 1.0),
-            scene_change=altered_scenes.pole_yaw,
+            scene_change=lambda base, degrees: AlteredScene(
+                altered_scenes.wrong_turns(base.mounts, float(degrees))
+            ),
             needs=POLES,
         ),
         # Severities of training_frames and training_seed are the runs' training frames and seeds.

@@ -20,7 +20,6 @@ from pyinfra.experiments.stress.stressors import NONE, UNSTRESSED, Severity, Str
 from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import WORDS, number_text, read_csv, write_tables
 from pyinfra.metrics.ground_truth import read_ground_truth
-from pyinfra.models.detectors import Detector
 from pyinfra.models.inference.detect import detect, detector_at, model_file
 from pyinfra.models.training.provenance import is_among, read_provenance
 
@@ -52,10 +51,6 @@ class TrainedRun:
     @property
     def name(self) -> str:
         return resolved(self.folder).name
-
-    def model(self, frames: Path) -> Detector:
-        """Returns the detector, adapted to the site of a LiDAR's folder."""
-        return detector_at(self.folder, frames)
 
     @cached_property
     def digest(self) -> str:
@@ -177,7 +172,7 @@ def row_of(
     if stressor.scene_change:
         name = f"{base.scene_name}_{stressor.name}_{key['severity']}"
         folder = altered_scenes.simulated(base, stressor.scene_change(base, severity), cache, name)
-    detections, model = [], trial.run.model(folder)
+    detections, model = [], detector_at(trial.run.folder, folder)
     for k in base.frames:
         points = kitti.read_points(kitti.frame_file(folder, "velodyne", k))
         if stressor.cloud:
@@ -328,7 +323,7 @@ def seconds_of(trials: Sequence[Trial], base: Base) -> float:
     per_run = {}
     for run in {trial.run.folder: trial.run for trial in trials}.values():
         start = time.perf_counter()
-        detect(run.model(base.folder), files, None)
+        detect(detector_at(run.folder, base.folder), files, None)
         per_run[run.folder] = (time.perf_counter() - start) / len(files)
     new = {(c.stressor.name, c.severity) for c in trials if c.stressor.scene_change}
     return len(new) * SCENE_S + len(base.frames) * sum(per_run[c.run.folder] for c in trials)
