@@ -206,12 +206,12 @@ def import_mesh(
     scale: expected 1e-06 to 1e+06, got 0
     """
     from pyinfra.core.names import check_name
-    from pyinfra.scenes.maps.mesh_import import MATERIALS, MeshPlacement
+    from pyinfra.scenes.maps.mesh_import import MATERIALS
     from pyinfra.scenes.maps.mesh_import import import_mesh as run
 
     check_name(material, MATERIALS, "material")
     source, folder = path_of(file, "file"), path_of(site, "site")
-    run(source, folder, material, MeshPlacement(scale, up, offset_m))
+    run(source, folder, material, scale=scale, up=up, offset_m=offset_m)
     return folder / "meshes" / f"{source.stem.lower()}.ply"
 
 

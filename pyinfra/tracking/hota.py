@@ -49,9 +49,6 @@ class Clear:
 
     mota: float  # MOTA in percent
     switches: int
-    false_positives: int
-    misses: int
-    objects: int
     pairs: IntArray
 
 
@@ -60,7 +57,9 @@ def hota(truth: Sightings, tracks: Sightings) -> Hota:
     true_ids, true_row = np.unique(truth.ids, return_inverse=True)
     ids, row = np.unique(tracks.ids, return_inverse=True)
     rows = [(truth.at(f), tracks.at(f)) for f in np.union1d(truth.frame, tracks.frame)]
-    alike = [(a, b, similarity(truth.xy[a], tracks.xy[b])) for a, b in rows]
+    alike = [
+        (a, b, np.clip(1 - distances(truth.xy[a], tracks.xy[b]) / ZERO_M, 0, 1)) for a, b in rows
+    ]
     # Similarity of each true object and track, summed over the frames. The sum weights the matches
     # of each frame.
     potential = np.zeros((len(true_ids), len(ids)))
@@ -91,7 +90,7 @@ def hota(truth: Sightings, tracks: Sightings) -> Hota:
     return Hota(*(100 * float(part.mean()) for part in (np.sqrt(det * ass), det, ass, loc)))
 
 
-def clear(truth: Sightings, tracks: Sightings, distance_m: float = ZERO_M) -> Clear:
+def clear(truth: Sightings, tracks: Sightings) -> Clear:
     """Matches tracks with the truth, frame by frame; a match of the frame before has priority."""
     last: dict[int, int] = {}  # latest track id of each true object id
     before: dict[int, int] = {}  # track id of each true object id in the previous frame
@@ -100,7 +99,7 @@ def clear(truth: Sightings, tracks: Sightings, distance_m: float = ZERO_M) -> Cl
         a, b = truth.at(frame), tracks.at(frame)
         apart = distances(truth.xy[a], tracks.xy[b])
         kept = np.array([before.get(i, -1) for i in truth.ids[a]])[:, None] == tracks.ids[b]
-        value = np.where(apart <= distance_m, 1000.0 * kept + 10 - apart, 0)
+        value = np.where(apart <= ZERO_M, 1000.0 * kept + 10 - apart, 0)
         i, j = linear_sum_assignment(-value)
         ok = value[i, j] > 0
         matched = np.column_stack([i[ok] + a.start, j[ok] + b.start])
@@ -112,18 +111,11 @@ def clear(truth: Sightings, tracks: Sightings, distance_m: float = ZERO_M) -> Cl
             last[true_id] = before[true_id] = track_id
         pairs.append(matched)
     all_pairs = np.concatenate(pairs)
-    misses = len(truth.ids) - len(all_pairs)
-    false = len(tracks.ids) - len(all_pairs)
     objects = len(truth.ids)
-    mota = 100 * (1 - (misses + false + switches) / objects) if objects else float("nan")
-    return Clear(mota, switches, false, misses, objects, all_pairs)
+    wrong = objects + len(tracks.ids) - 2 * len(all_pairs) + switches
+    return Clear(100 * (1 - wrong / objects) if objects else float("nan"), switches, all_pairs)
 
 
 def distances(a: FloatArray, b: FloatArray) -> FloatArray:
     """Returns the distances (n, m) of points (n, 2) and (m, 2)."""
     return np.asarray(np.hypot(*(a[:, None] - b[None]).transpose(2, 0, 1)))
-
-
-def similarity(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Returns the similarities (n, m), 0 to 1, of centres (n, 2) and (m, 2)."""
-    return np.asarray(np.clip(1 - distances(a, b) / ZERO_M, 0, 1))

@@ -28,10 +28,6 @@ class View:
     tilt: kitti.Tilt | None = None
     region: Region | None = None
 
-    @classmethod
-    def of(cls, lidar: kitti.Lidar, tilt: kitti.Tilt, region: Region | None) -> View:
-        return cls(np.array([[s.x, s.y, s.z] for s in lidar.sensors]), lidar, tilt, region)
-
     def outside(self, boxes: FloatArray) -> BoolArray:
         """Returns which boxes (n, 7) have left the region."""
         if self.region is None:

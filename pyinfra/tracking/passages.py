@@ -61,8 +61,6 @@ def _crossings(
     left = np.array([-along[1], along[0]])
     side, offset = (values[:, :2] - start) @ left, (values[:, :2] - start) @ along
     step = np.flatnonzero((ids[1:] == ids[:-1]) & ((side[1:] > 0) != (side[:-1] > 0)))
-    if not len(step):
-        return None
     share = side[step] / (side[step] - side[step + 1])
     where = offset[step] + share * (offset[step + 1] - offset[step])
     sign = np.where(side[step + 1] > 0, 1, -1)

@@ -90,10 +90,10 @@ def view_of(frames: FrameSequence | None) -> View:
     """Returns the view of the frames' sensors; without frames, that of a sensor at the origin."""
     if frames is None or frames.lidar is None:
         return View()
-    if isinstance(frames, SimulatedFrames):
-        return View.of(frames.lidar, frames.tilt, frames.region)
-    assert isinstance(frames, RecordedFrames)
-    return View.of(frames.lidar, kitti.read_tilt(frames.folder), frames.region)
+    assert isinstance(frames, RecordedFrames | SimulatedFrames)
+    tilt = frames.tilt if isinstance(frames, SimulatedFrames) else kitti.read_tilt(frames.folder)
+    sensors = np.array([[s.x, s.y, s.z] for s in frames.lidar.sensors])
+    return View(sensors, frames.lidar, tilt, frames.region)
 
 
 def frame_times(

@@ -74,11 +74,11 @@ def test_lanelets_are_lanes_in_their_direction(local: bool, turned: bool, tmp_pa
         assert lanes[name][:, 1].mean() - lanes["lanelet_91"][:, 1].mean() == pytest.approx(
             y - 1.75, abs=0.05
         )
-    offset = made.record["offset_m"]
+    offset = made["offset_m"]
     assert offset == ([5000, -702, 100] if local else [0, 0, 100])
-    assert ("projection" in made.record) == (not local)
-    assert [row["id"] for row in made.record["features"]["crossing"]] == ["lanelet 94"]
-    assert made.record["not_understood"] == ["regulatory_element: not read, 1 in the file"]
+    assert ("projection" in made) == (not local)
+    assert [row["id"] for row in made["features"]["crossing"]] == ["lanelet 94"]
+    assert made["not_understood"] == ["regulatory_element: not read, 1 in the file"]
 
 
 @pytest.mark.parametrize(
@@ -98,7 +98,7 @@ def test_missing_heights_are_not_zero(
     profile = lane[np.argsort(lane[:, 0]), 2]
     assert profile[0] == pytest.approx(first_z, abs=0.01)
     assert np.abs(np.diff(profile)).max() < 0.1
-    assert words in made.record["guessed"][0]
+    assert words in made["guessed"][0]
 
 
 @pytest.mark.parametrize("turned", [False, True])
@@ -106,8 +106,8 @@ def test_a_crossing_is_listed_at_its_middle(turned: bool, tmp_path: Path) -> Non
     """The points of the borders, at x = -100, -20, 40 and 100, have another mean."""
     file = lanelets(tmp_path / "a.osm", local=True, turned=turned)
     made = import_map(file, tmp_path / "site", ImportOptions(radius_m=300))
-    (row,) = made.record["features"]["crossing"]
-    x, y, _ = made.record["offset_m"]
+    (row,) = made["features"]["crossing"]
+    x, y, _ = made["offset_m"]
     assert (row["x_m"] + x, row["y_m"] + y) == pytest.approx((5000, -700), abs=0.1)
 
 

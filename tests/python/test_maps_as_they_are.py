@@ -95,7 +95,7 @@ def test_lanes_that_differ_from_the_network_are_named() -> None:
 def test_vehicles_drive_on_the_left_where_the_map_says_so(tmp_path: Path) -> None:
     map_ = xodr(tmp_path / "a.xodr", 100, 5000, rule='rule="LHT"')
     imported = import_map(map_, tmp_path / "site", ImportOptions(radius_m=300))
-    assert imported.record["not_understood"] == []
+    assert imported["not_understood"] == []
     write_traffic(tmp_path / "site", Demand(900), 30, 1)
     driven = pd.read_csv(tmp_path / "site/trajectories.csv").query("speed > 1")
     to_east = np.cos(driven.heading) > 0
@@ -115,7 +115,7 @@ def test_a_left_hand_junction_is_the_mirrored_right_hand_junction(tmp_path: Path
         mount = (0.0, 30.0 * side, 6.0, -90.0 * side)
         options = ImportOptions(centre=(0.0, 0.0), radius_m=400, mount=mount)
         imported = import_map(file, site, options)
-        assert [n for n in imported.record["not_understood"] if "network" in n] == []
+        assert [n for n in imported["not_understood"] if "network" in n] == []
         network = read_network(site / "map.net.xml").lanes
         lanes.append({x.name: x.centre * (1, side, 1) for x in network})
         write_traffic(site, Demand(900), 20, 1)
@@ -138,7 +138,7 @@ def test_roads_of_both_rules_are_refused_by_name(tmp_path: Path) -> None:
     body = "".join("<road" + p.replace('id="1"', f'id="{k}"', 1) for k, p in enumerate(parts))
     (tmp_path / "a.xodr").write_text(f"{roads[0].partition('<road')[0]}{body}</OpenDRIVE>")
     imported = import_map(tmp_path / "a.xodr", tmp_path / "site", ImportOptions(radius_m=300))
-    assert sum(AGAINST in note for note in imported.record["not_understood"]) == 4
+    assert sum(AGAINST in note for note in imported["not_understood"]) == 4
     with pytest.raises(Error, match="left-hand"):
         write_traffic(tmp_path / "site", Demand(900), 30, 1)
 
@@ -198,9 +198,9 @@ def test_a_lanelet2_map_without_borders_is_refused(tmp_path: Path) -> None:
 def test_a_map_in_utm_coordinates(tmp_path: Path) -> None:
     map_ = xodr(tmp_path / "a.xodr", 691_000, 5_334_000)
     imported = import_map(map_, tmp_path / "site", ImportOptions(radius_m=300))
-    assert imported.lanes == 2
-    assert imported.record["offset_m"][:2] == [691_150, 5_334_000]
-    assert not any(AGAINST in note for note in imported.record["not_understood"])
+    assert imported["lanes"] == 2
+    assert imported["offset_m"][:2] == [691_150, 5_334_000]
+    assert not any(AGAINST in note for note in imported["not_understood"])
 
 
 def test_tracks_of_drones_have_no_heights(tmp_path: Path) -> None:
@@ -282,7 +282,7 @@ def test_a_reversed_lane_runs_the_other_way(tmp_path: Path, rule: str) -> None:
     np.testing.assert_array_equal(lanes[name].left, usual[name].right[::-1])
     np.testing.assert_array_equal(lanes[name].right, usual[name].left[::-1])
     np.testing.assert_array_equal(lanes[other].left, usual[other].left)
-    notes = import_map(file, tmp_path / "site").record["not_understood"]
+    notes = import_map(file, tmp_path / "site")["not_understood"]
     assert [note.startswith(f"lane {name}: runs {AGAINST}") for note in notes] == [True]
 
 

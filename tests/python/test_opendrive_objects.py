@@ -3,13 +3,14 @@ listed."""
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import site_data
 
 from pyinfra.scenes.maps.lane_map import MapBody, MapError, SiteMap
-from pyinfra.scenes.maps.map_import import Imported, import_map
+from pyinfra.scenes.maps.map_import import import_map
 from pyinfra.scenes.maps.opendrive import read_opendrive
 
 BEND = '<arc curvature="0.02"/>'  # turns left around the point 0, 50
@@ -26,7 +27,7 @@ def objects(text: str) -> str:
     return f"<objects>{text}</objects>"
 
 
-def imported(folder: Path, text: str) -> Imported:
+def imported(folder: Path, text: str) -> dict[str, Any]:
     pytest.importorskip("sumo", reason="needs the extra `site`")
     (folder / "a.xodr").write_text(text)
     return import_map(folder / "a.xodr", folder / "site")
@@ -249,7 +250,7 @@ def test_the_network_does_without_what_it_cannot_read(tmp_path: Path) -> None:
     )
     virtual = '<junction id="4" type="crossing"><crossPath id="1"/></junction>'
     made = imported(tmp_path, site_data.open_drive(road, virtual))
-    listed = made.record["not_understood"]
+    listed = made["not_understood"]
     assert [n for n in listed if "type is empty" in n] == [
         f"road 1: signal {k}: type is empty; left out of the network" for k in (1, 2)
     ]
@@ -287,7 +288,7 @@ def test_a_direct_junction_leads_to_both_of_its_roads(tmp_path: Path) -> None:
             f'<laneLink from="{from_lane}" to="-1"/></connection>'
         )
     made = imported(tmp_path, site_data.open_drive(*roads, junction + "</junction>"))
-    assert any("junction 9: type 'direct'" in n for n in made.record["not_understood"])
+    assert any("junction 9: type 'direct'" in n for n in made["not_understood"])
     net = read_road_net(tmp_path / "site/map.net.xml")
     first = max(net.links, key=lambda name: len(net.links[name]))
     assert len(net.links[first]) == 2
@@ -298,7 +299,7 @@ def test_a_steep_road_is_named_and_a_cliff_refused(tmp_path: Path) -> None:
     made = imported(
         tmp_path, site_data.open_drive(site_data.road(1, (0, 0, 0), 50, elevation=rise))
     )
-    assert any("a grade of 70%" in n for n in made.record["not_understood"])
+    assert any("a grade of 70%" in n for n in made["not_understood"])
 
 
 def test_a_banked_road_lies_as_its_roll_says(tmp_path: Path) -> None:

@@ -125,7 +125,7 @@ def test_heights_of_some_nodes_make_no_hill(tmp_path: Path, first: str) -> None:
     """A node without a height is at z = 0 for SUMO, and the bridge is lifted as without heights."""
     text = re.sub(r'(<node id="3"[^>]*>)', rf'\1<tag k="ele" v="{first}"/>', crossroads(BRIDGE))
     (tmp_path / "a.osm").write_text(text)
-    record = import_map(tmp_path / "a.osm", tmp_path / "s", ImportOptions(CENTRE, 350)).record
+    record = import_map(tmp_path / "a.osm", tmp_path / "s", ImportOptions(CENTRE, 350))
     lanes = read_lanes(tmp_path / "s/lanes.csv").values()
     assert max(lane[:, 2].max() for lane in lanes) == pytest.approx(6, abs=0.05)
     notes = " ".join(record["not_understood"])
@@ -136,7 +136,7 @@ def test_heights_of_some_nodes_make_no_hill(tmp_path: Path, first: str) -> None:
 def test_heights_of_all_nodes_are_kept(tmp_path: Path) -> None:
     text = re.sub(r"(<node [^>]*>)", r'\1<tag k="ele" v="432"/>', crossroads({}))
     (tmp_path / "a.osm").write_text(text)
-    record = import_map(tmp_path / "a.osm", tmp_path / "s", ImportOptions(CENTRE, 350)).record
+    record = import_map(tmp_path / "a.osm", tmp_path / "s", ImportOptions(CENTRE, 350))
     lanes = read_lanes(tmp_path / "s/lanes.csv").values()
     np.testing.assert_allclose(np.concatenate(list(lanes))[:, 2], 432)
     assert record["not_understood"] == []
@@ -160,7 +160,7 @@ def test_the_site_has_the_bridge_and_what_is_below_stays(tmp_path: Path, same_pl
         z = lane[np.hypot(*lane[:, :2].T) < 20, 2]
         to_east = np.ptp(lane[:, 0]) > np.ptp(lane[:, 1])
         np.testing.assert_allclose(z, 0 if to_east else 6, atol=0.05)
-    assert made.record["not_understood"] == []
+    assert made["not_understood"] == []
 
 
 def test_the_ground_over_a_tunnel_stays(tmp_path: Path) -> None:
@@ -185,7 +185,7 @@ def test_what_an_editor_deleted_is_not_built(tmp_path: Path) -> None:
     whole, edited = (read_street_map(tmp_path / f"{name}.osm") for name in ("all", "gone"))
     assert len(edited.ways) == len(whole.ways) - 1
     assert len(edited.houses) == len(whole.houses) - 2
-    lanes = [import_map(tmp_path / f"{n}.osm", tmp_path / n).lanes for n in ("all", "gone")]
+    lanes = [import_map(tmp_path / f"{n}.osm", tmp_path / n)["lanes"] for n in ("all", "gone")]
     assert lanes[1] < lanes[0]
     record = yaml.safe_load((tmp_path / "gone/map.yaml").read_text())
     assert "elements marked as deleted by an editor: left out" in " ".join(record["guessed"])
@@ -222,5 +222,5 @@ def test_files_of_editors_and_servers_are_one_map(tmp_path: Path, written) -> No
     (tmp_path / "b.osm").write_text(written(text))
     options = ImportOptions(CENTRE, 150)
     one, other = (import_map(tmp_path / f"{n}.osm", tmp_path / n, options) for n in "ab")
-    assert (one.lanes, one.triangles) == (other.lanes, other.triangles)
-    assert one.record["guessed"] == other.record["guessed"]
+    assert (one["lanes"], one["triangles"]) == (other["lanes"], other["triangles"])
+    assert one["guessed"] == other["guessed"]

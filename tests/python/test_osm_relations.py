@@ -197,7 +197,7 @@ def street(
     folder.mkdir(exist_ok=True)
     (folder / "a.osm").write_text(osm.text())
     options = ImportOptions(CENTRE, 300, traffic_side=side)
-    record = import_map(folder / "a.osm", folder / "site", options).record
+    record = import_map(folder / "a.osm", folder / "site", options)
     return folder / "site", [note for note in record["not_understood"] if note.startswith("way")]
 
 

@@ -172,8 +172,8 @@ def test_pole_stands_off_the_carriageway_and_looks_at_it(
 
 def test_pole_looks_along_a_road_without_a_junction(tmp_path: Path) -> None:
     made = import_map(write_map(tmp_path, "a.xodr", site_data.straight()), tmp_path / "site")
-    assert made.record["guessed"][-1].startswith("the pole, 6 m high, beside lane road1")
-    along = abs(math.remainder(made.pole.yaw_deg, 180))
+    assert made["guessed"][-1].startswith("the pole, 6 m high, beside lane road1")
+    along = abs(math.remainder(made["pole"]["yaw_deg"], 180))
     assert 0 < along < 45
 
 
@@ -238,7 +238,7 @@ def test_our_projection_is_that_of_the_network(district: Path) -> None:
 
 def test_objects_of_opendrive_and_what_is_not_understood(tmp_path: Path) -> None:
     made = import_map(write_map(tmp_path, "a.xodr", site_data.straight()), tmp_path / "site")
-    assert made.record["not_understood"] == [
+    assert made["not_understood"] == [
         "road 1: object 9 at s = 90.0, t = 30.0: type 'fountain', height 2 m: left out"
     ]
     house = read_ply(tmp_path / "site/meshes/buildings.ply").vertices
@@ -252,7 +252,7 @@ def test_a_map_may_name_its_schema(tmp_path: Path) -> None:
     text = _changed(site_data.straight(), "<OpenDRIVE>", '<OpenDRIVE xmlns="http://asam.net/odr">')
     plain = import_map(write_map(tmp_path, "a.xodr", site_data.straight()), tmp_path / "plain")
     named = import_map(write_map(tmp_path, "b.xodr", text), tmp_path / "named")
-    assert (named.lanes, named.triangles) == (plain.lanes, plain.triangles)
+    assert (named["lanes"], named["triangles"]) == (plain["lanes"], plain["triangles"])
 
 
 def test_packed_osm_is_the_same_and_a_radius_cuts(tmp_path: Path) -> None:
@@ -261,7 +261,7 @@ def test_packed_osm_is_the_same_and_a_radius_cuts(tmp_path: Path) -> None:
     whole = import_map(packed, tmp_path / "whole")
     near_ = ImportOptions(centre=(8.4 + 60 / 73_200, 49.0 + 45 / 111_200), radius_m=50)
     part = import_map(packed, tmp_path / "part", near_)
-    assert part.lanes < whole.lanes
+    assert part["lanes"] < whole["lanes"]
     assert (tmp_path / "part/meshes/buildings.ply").stat().st_size < 5000
 
 
@@ -272,7 +272,7 @@ def test_osm_is_read_by_any_of_its_endings(tmp_path: Path, ending: str) -> None:
     file = tmp_path / f"town{ending}"
     file.write_bytes(packed(data) if packed else data)
     near_ = ImportOptions(centre=(8.4, 49.0), radius_m=60)
-    assert import_map(file, tmp_path / "site", near_).record["source"] == file.name
+    assert import_map(file, tmp_path / "site", near_)["source"] == file.name
 
 
 @pytest.mark.parametrize("name", ["a.net.xml.gz", "a.xodr.gz", "net.xml", "map.xml.gz"])
@@ -283,7 +283,7 @@ def test_networks_and_opendrive_may_be_packed(tmp_path: Path, name: str) -> None
         text = net.read_text()
     data = text.encode()
     (tmp_path / name).write_bytes(gzip.compress(data) if name.endswith(".gz") else data)
-    assert import_map(tmp_path / name, tmp_path / "site").lanes
+    assert import_map(tmp_path / name, tmp_path / "site")["lanes"]
 
 
 def test_o5m_is_refused_with_the_command_that_converts_it(
@@ -307,9 +307,9 @@ def test_a_map_in_pbf_is_that_in_xml(tmp_path: Path, name: str) -> None:
     near = ImportOptions(centre=(8.4, 49.0), radius_m=60)
     made = [import_map(tmp_path / file, tmp_path / f"site_{file}", near)
             for file in ("town.osm", name)]  # fmt: skip
-    assert made[1].record["source"] == name
+    assert made[1]["source"] == name
     lists = ("lanes", "triangles", "pole", "features", "guessed", "mended", "not_understood")
-    assert {k: made[1].record[k] for k in lists} == {k: made[0].record[k] for k in lists}
+    assert {k: made[1][k] for k in lists} == {k: made[0][k] for k in lists}
     lanes = [(tmp_path / f"site_{file}/lanes.csv").read_bytes() for file in ("town.osm", name)]
     assert lanes[0] == lanes[1]
 
@@ -366,9 +366,9 @@ def test_the_guessed_pole_is_off_all_lanes(step_m: float, lanes: int) -> None:
 
 def test_the_same_import_is_accepted_and_another_refused(tmp_path: Path) -> None:
     file = write_map(tmp_path, "a.xodr", site_data.straight())
-    assert import_map(file, tmp_path / "site").anew
+    import_map(file, tmp_path / "site")
     before = {p: p.stat().st_mtime_ns for p in (tmp_path / "site").rglob("*")}
-    assert not import_map(file, tmp_path / "site").anew
+    import_map(file, tmp_path / "site")
     assert {p: p.stat().st_mtime_ns for p in (tmp_path / "site").rglob("*")} == before
     with pytest.raises(FileExistsError, match="a different import"):
         import_map(file, tmp_path / "site", ImportOptions(radius_m=60))
@@ -440,7 +440,7 @@ def test_roundabouts_show_the_side_of_traffic(
     file = write_map(tmp_path, "ring.osm", osm.text())
     assert read_street_map(file).traffic_side() == side
     made = import_map(file, tmp_path / "site")
-    assert f"traffic on the {side}: as in its roundabouts" in made.record["guessed"]
+    assert f"traffic on the {side}: as in its roundabouts" in made["guessed"]
     assert ('lefthand="true"' in (tmp_path / "site/map.net.xml").read_text()) == (side == "left")
 
 
@@ -604,7 +604,7 @@ def test_a_lane_that_turns_back_is_mended_and_named(tmp_path: Path) -> None:
     """A bend has a radius of 2 m and a lane of 3.5 m, so its inner border would turn back."""
     bend = site_data.road(1, (0, 0, 0), 6, shape='<arc curvature="-0.5"/>')
     made = import_map(write_map(tmp_path, "a.xodr", site_data.open_drive(bend)), tmp_path / "s")
-    assert made.lanes
+    assert made["lanes"]
     lanes = read_lanes(tmp_path / "s/lanes.csv")
     for lane in lanes.values():
         steps = np.diff(lane[:, :2], axis=0)
@@ -617,7 +617,7 @@ def test_roads_that_contradict_each_other_are_named(tmp_path: Path) -> None:
     across = site_data.road(2, (50, -50, math.pi / 2), 100, elevation=above)
     both = site_data.open_drive(site_data.road(1, (0, 0, 0), 100), across)
     made = import_map(write_map(tmp_path, "a.xodr", both), tmp_path / "s")
-    notes = made.record["not_understood"]
+    notes = made["not_understood"]
     assert len(notes) == 2
     assert all(re.match(r"lane road1_0_\w+: 0.30 m below lane road2_0", s) for s in notes)
 
@@ -654,7 +654,7 @@ def test_a_centre_in_either_order_is_one_site(tmp_path: Path) -> None:
     first, second = ((tmp_path / f"s{i}/lanes.csv").read_text() for i in (0, 1))
     assert first == second
     swapped = "`centre` appears to be lat,lon: read as 8.4 east, 49 north"
-    assert [swapped in m.record["guessed"] for m in made] == [False, True]
+    assert [swapped in m["guessed"] for m in made] == [False, True]
 
 
 def test_a_centre_that_may_be_of_either_order_is_lon_lat() -> None:

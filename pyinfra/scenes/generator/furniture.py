@@ -121,21 +121,15 @@ class Furniture:
     def _planter(self, stream: RandomStream, road: PlannedRoad, side: int) -> None:
         """Adds a bench or a planter along the road."""
         how = self.how
-        size = (
-            stream.within(how.planter_length_m),
-            stream.within(how.planter_width_m),
-            stream.within(how.planter_height_m),
-        )
-        if (
-            at := self._free_position(stream, road, side, float(np.hypot(*size[:2])) / 2)
-        ) is not None:
-            self._box(at, size, turn_deg=stream.within(how.planter_turn_deg, 0))
+        long_m, wide_m, high_m = stream.each(how.planter).values()
+        radius_m = float(np.hypot(long_m, wide_m)) / 2
+        if (at := self._free_position(stream, road, side, radius_m)) is not None:
+            self._box(at, (long_m, wide_m, high_m), turn_deg=stream.within(how.planter_turn_deg, 0))
 
     def _shelter(self, stream: RandomStream, road: PlannedRoad, side: int) -> None:
         """Adds a bus shelter with a roof, a back wall and one end wall, open to the road."""
-        how = self.how
-        long_m, deep_m = stream.within(how.shelter_length_m), stream.within(how.shelter_depth_m)
-        high_m, end = stream.within(how.shelter_height_m), stream.side()
+        long_m, deep_m, high_m = stream.each(self.how.shelter).values()
+        end = stream.side()
         if (
             at := self._free_position(stream, road, side, float(np.hypot(long_m, deep_m)) / 2)
         ) is None:

@@ -108,11 +108,12 @@ class Walks:
         """Yields points (n, 2), about a metre apart, that cover the objects along roads."""
         rows = [(row, row["width_m"] / 2) for row in things["barriers"]]
         rows += [(row, KERB_ROW_M) for row in things["parked"] if row.get("turn_deg", 0) == 0]
-        for plant in things["vegetation"]:
-            if "hedge_along" in plant:
-                rows.append((plant["hedge_along"], plant["hedge_along"]["width_m"] / 2))
-            if "trees_along" in plant:
-                rows.append((plant["trees_along"], plant["trees_along"]["trunk_width_m"] / 2))
+        rows += [
+            (plant[kind], plant[kind][width] / 2)
+            for plant in things["vegetation"]
+            for kind, width in (("hedge_along", "width_m"), ("trees_along", "trunk_width_m"))
+            if kind in plant
+        ]
         for row, half_m in rows:
             road = self.roads[row["road"]]
             part = _along(road, (row["from_m"], row["to_m"]))

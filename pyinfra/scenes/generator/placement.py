@@ -25,13 +25,17 @@ class Placement:
     def barrier(
         self, road: PlannedRoad, left_m: float, size: Keys, within: Stretch = WHOLE
     ) -> None:
-        for part in self.free_space.rows(road, left_m, size["width_m"] / 2, within):
-            self.keys["barriers"].append(along(road, left_m, part, size))
+        self.keys["barriers"] += [
+            along(road, left_m, part, size)
+            for part in self.free_space.rows(road, left_m, size["width_m"] / 2, within)
+        ]
 
     def hedge(self, road: PlannedRoad, left_m: float, size: Keys, within: Stretch = WHOLE) -> None:
         hedge = size | {"base_m": self.slope_m(road, left_m)}
-        for part in self.free_space.rows(road, left_m, size["width_m"] / 2, within):
-            self.keys["vegetation"].append({"hedge_along": along(road, left_m, part, hedge)})
+        self.keys["vegetation"] += [
+            {"hedge_along": along(road, left_m, part, hedge)}
+            for part in self.free_space.rows(road, left_m, size["width_m"] / 2, within)
+        ]
 
     def trees(self, road: PlannedRoad, left_m: float, trees: Keys) -> None:
         """Adds a row of trees, with a gap where their crowns would reach the sensor."""

@@ -13,6 +13,7 @@ KEY = 1
 
 T = TypeVar("T")
 Range = tuple[float, float]
+Spans = Mapping[str, Range]
 Weights = Mapping[str, float]
 
 
@@ -29,6 +30,10 @@ class RandomStream:
     def within(self, span: Range, digits: int = 2) -> float:
         low, high = span
         return round(low + (high - low) * self._random.random(), digits)
+
+    def each(self, spans: Spans) -> dict[str, float]:
+        """Returns a sample for each key, in the order of the keys."""
+        return {key: self.within(span) for key, span in spans.items()}
 
     def chance(self, share: float) -> bool:
         return bool(self._random.random() < share)

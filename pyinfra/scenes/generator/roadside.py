@@ -71,20 +71,18 @@ class Roadside:
         if median < 1 or kind == "nothing":
             return
         if kind == "rails" and median >= 2:
-            size = self._rail_size(stream)
+            size = stream.each(things.rail)
             for left_m in (median / 2 - 0.5, 0.5 - median / 2):
                 self.placement.barrier(road, left_m, size)
         elif kind == "hedge" and median >= 1.5:
-            size = self._hedge_size(stream)
+            size = stream.each(things.hedge)
             size["width_m"] = min(size["width_m"], round(median - 0.6, 2))
             size["height_m"] = min(size["height_m"], 2.0)
             self.placement.hedge(road, 0.0, size)
         elif kind == "trees" and median >= 2:
             self._trees(stream, road, 0.0)
         else:
-            height = stream.within(things.wall_height_m)
-            width = stream.within(things.wall_width_m)
-            self.placement.barrier(road, 0.0, {"height_m": height, "width_m": width})
+            self.placement.barrier(road, 0.0, stream.each(things.wall))
 
     def _gantry(self, stream: RandomStream, road: PlannedRoad) -> None:
         """Adds a gantry over the road, unless cars are parked at a kerb below it."""
@@ -107,7 +105,7 @@ class Roadside:
 
     def _rail(self, stream: RandomStream, road: PlannedRoad, side: int) -> None:
         """Adds a guard rail at the edge of the shoulder, or between kerb and footway."""
-        size = self._rail_size(stream)
+        size = stream.each(self.things.rail)
         lanes = road.keys["lanes"]
         inwards = 0.35 if lanes["shoulder_m"] >= 0.9 and lanes["sidewalk_m"] == 0 else -0.3
         within = self._part(stream, road, self.things.rail_parts, self.things.rail_part_m)
@@ -123,7 +121,7 @@ class Roadside:
         return left_m + 0.5
 
     def _hedge(self, stream: RandomStream, road: PlannedRoad, side: int, out_m: float) -> float:
-        size = self._hedge_size(stream)
+        size = stream.each(self.things.hedge)
         left_m = out_m + stream.within(self.things.verge_m) + size["width_m"] / 2
         within = self._part(stream, road, self.things.hedge_parts, self.things.hedge_part_m)
         if left_m < self.placement.beyond_mount(road, side):  # a high hedge would hide the road
@@ -134,11 +132,7 @@ class Roadside:
     def _wood(self, stream: RandomStream, road: PlannedRoad, side: int, out_m: float) -> None:
         """Adds the edge of a wood, or other vegetation of similar height."""
         things = self.things
-        size = {
-            "height_m": stream.within(things.wood_height_m),
-            "width_m": stream.within(things.wood_width_m),
-            "density_per_m": stream.within(things.wood_density_per_m),
-        }
+        size = stream.each(things.wood)
         left_m = max(out_m, self.placement.beyond_mount(road, side))
         left_m += stream.within(things.wood_away_m)
         within = self._part(stream, road, things.wood_parts, things.wood_part_m)
@@ -164,12 +158,11 @@ class Roadside:
         """Adds cabinets, shelters, containers and stalls of about the size of vehicles."""
         things = self.things
         for _ in range(stream.whole(self.road_type.boxes) // len(self.free_space.layout.roads)):
-            long_m, wide_m = stream.within(things.box_length_m), stream.within(things.box_width_m)
-            size = long_m, wide_m, stream.within(things.box_height_m)
+            long_m, wide_m, high_m = stream.each(things.box).values()
             s = self._station(stream, road)
             left_m = out_m + stream.within(things.box_away_m) + wide_m / 2
             turn_deg = stream.within(things.box_turn_deg)
-            self.placement.box(road, s, side * left_m, size, turn_deg)
+            self.placement.box(road, s, side * left_m, (long_m, wide_m, high_m), turn_deg)
 
     def _houses(self, stream: RandomStream, road: PlannedRoad, side: int, out_m: float) -> None:
         things, nearest = self.things, self.free_space.nearest_station(road)
@@ -197,7 +190,7 @@ class Roadside:
             long_m = 0.8 if is_tree else stream.within(things.bush_m)
             wide_m = round(long_m * stream.within(things.bush_width), 2)
             box = box_at(road, s, left_m, (long_m, wide_m), stream.within((-180, 180), 0))
-            tree, hedge = self._tree_shape(stream), self._hedge_size(stream)
+            tree, hedge = stream.each(things.tree), stream.each(things.hedge)
             near = np.hypot(box[0] - mount["x_m"], box[1] - mount["y_m"]) < tree["crown_m"]
             if near or not 0 < s < road.length_m or not self.free_space.holds(box):
                 continue
@@ -214,26 +207,6 @@ class Roadside:
 
     # --- sizes and positions ----------------------------------------------------------------------
 
-    def _rail_size(self, stream: RandomStream) -> Size:
-        height = stream.within(self.things.rail_height_m)
-        return {"height_m": height, "width_m": stream.within(self.things.rail_width_m)}
-
-    def _hedge_size(self, stream: RandomStream) -> Size:
-        return {
-            "height_m": stream.within(self.things.hedge_height_m),
-            "width_m": stream.within(self.things.hedge_width_m),
-            "density_per_m": stream.within(self.things.hedge_density_per_m),
-        }
-
-    def _tree_shape(self, stream: RandomStream) -> Size:
-        return {
-            "height_m": stream.within(self.things.tree_height_m),
-            "crown_m": stream.within(self.things.crown_m),
-            "trunk_m": stream.within(self.things.trunk_m),
-            "trunk_width_m": stream.within(self.things.trunk_width_m),
-            "density_per_m": stream.within(self.things.crown_density_per_m),
-        }
-
     def _raised(self, shape: Size) -> Size:
         """Returns the shape of a tree whose crown is above the vehicles of the lane below."""
         trunk = round(self.things.free_trunk_m - shape["base_m"], 2)
@@ -241,7 +214,7 @@ class Roadside:
 
     def _trees(self, stream: RandomStream, road: PlannedRoad, left_m: float) -> None:
         """Adds a row of trees. Crowns that reach over a lane are raised above the vehicles."""
-        shape = self._tree_shape(stream) | {"base_m": self.placement.slope_m(road, left_m)}
+        shape = stream.each(self.things.tree) | {"base_m": self.placement.slope_m(road, left_m)}
         reaches = abs(left_m) - shape["crown_m"] / 2 < road.lanes_half_m + 0.3
         if reaches or self.free_space.layout.junctions:
             shape = self._raised(shape)

@@ -1,13 +1,14 @@
 """Distributions of roadside objects, parked vehicles, pedestrians, cyclists and furniture.
 
-A range is a uniform distribution, a share is a probability, and a mapping contains weights. Ranges
-without a source are assumptions and are chosen wide rather than narrow.
+A range is a uniform distribution, a share is a probability, and a mapping contains weights, or the
+ranges of keys of the scene in the order in which they are sampled. Ranges without a source are
+assumptions and are chosen wide rather than narrow.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from pyinfra.scenes.generator.random_stream import Range, Weights
+from pyinfra.scenes.generator.random_stream import Range, Spans, Weights
 
 
 @dataclass(frozen=True)
@@ -15,10 +16,12 @@ class ThingRanges:
     """Sizes of roadside objects."""
 
     verge_m: Range = (0.4, 3.0)  # gap between successive rows of objects
-    rail_height_m: Range = (0.7, 0.9)  # height of guard rails; 0.75 is common in EN 1317
-    wall_height_m: Range = (0.8, 1.15)  # height of New Jersey and step barriers: 0.81 to 1.1 m
-    wall_width_m: Range = (0.25, 0.6)
-    rail_width_m: Range = (0.15, 0.35)
+    rail: Spans = field(  # guard rails; a height of 0.75 is common in EN 1317
+        default_factory=lambda: {"height_m": (0.7, 0.9), "width_m": (0.15, 0.35)}
+    )
+    wall: Spans = field(  # New Jersey and step barriers, 0.81 to 1.1 m high
+        default_factory=lambda: {"height_m": (0.8, 1.15), "width_m": (0.25, 0.6)}
+    )
     rail_parts: float = 0.3  # share of rails that stand along only a part of the road
     rail_part_m: Range = (30, 150)  # length of the part that has a rail
     part_within_m: Range = (-70, 70)  # centre of an object along part of the road, from the focus
@@ -26,21 +29,33 @@ class ThingRanges:
     noise_wall_away_m: Range = (1, 5)
     gantry_away_m: Range = (6, 90)  # distance of a gantry from the station nearest to the focus
     clearance_m: Range = (4.7, 7)  # free height below gantries
-    hedge_height_m: Range = (0.7, 3.0)
-    hedge_width_m: Range = (0.5, 2.5)
-    hedge_density_per_m: Range = (0.5, 2.0)  # density of hedges, from sparse to clipped
+    hedge: Spans = field(
+        default_factory=lambda: {
+            "height_m": (0.7, 3.0),
+            "width_m": (0.5, 2.5),
+            "density_per_m": (0.5, 2.0),  # from sparse to clipped hedges
+        }
+    )
     hedge_parts: float = 0.4  # share of hedges that stand along only a part of the road
     hedge_part_m: Range = (8, 60)
     tree_every_m: Range = (6, 18)
-    tree_height_m: Range = (7, 14)
-    crown_m: Range = (2.5, 7.0)
-    trunk_m: Range = (1.5, 3.5)
-    trunk_width_m: Range = (0.15, 0.6)
-    crown_density_per_m: Range = (0.4, 1.2)
+    tree: Spans = field(
+        default_factory=lambda: {
+            "height_m": (7, 14),
+            "crown_m": (2.5, 7.0),
+            "trunk_m": (1.5, 3.5),
+            "trunk_width_m": (0.15, 0.6),
+            "density_per_m": (0.4, 1.2),
+        }
+    )
     free_trunk_m: float = 4.7  # trunk height of trees whose crowns reach over a lane
-    wood_height_m: Range = (3, 12)
-    wood_width_m: Range = (4, 15)
-    wood_density_per_m: Range = (0.2, 0.8)
+    wood: Spans = field(
+        default_factory=lambda: {
+            "height_m": (3, 12),
+            "width_m": (4, 15),
+            "density_per_m": (0.2, 0.8),
+        }
+    )
     wood_away_m: Range = (0.5, 15)
     wood_parts: float = 0.5  # share of woods that stand along only a part of the road
     wood_part_m: Range = (30, 150)
@@ -58,9 +73,13 @@ class ThingRanges:
     post_height_m: Range = (2.5, 9)  # height of posts, from sign posts to lamp posts
     post_width_m: Range = (0.1, 0.35)
     post_away_m: Range = (0.45, 1.2)  # distance of posts from the carriageway or from parked cars
-    box_length_m: Range = (0.6, 6.5)
-    box_width_m: Range = (0.5, 2.6)
-    box_height_m: Range = (0.9, 2.8)
+    box: Spans = field(
+        default_factory=lambda: {
+            "length_m": (0.6, 6.5),
+            "width_m": (0.5, 2.6),
+            "height_m": (0.9, 2.8),
+        }
+    )
     box_away_m: Range = (0.5, 6.0)
     box_turn_deg: Range = (-8, 8)
     # Maximum distance of houses, posts, boxes and bushes along the road from the station nearest to
@@ -129,13 +148,21 @@ class FurnitureRanges:
     bin_m: Range = (0.35, 0.9)
     bin_height_m: Range = (0.8, 1.5)
     bin_turn_deg: Range = (-20, 20)
-    planter_length_m: Range = (0.8, 2.5)
-    planter_width_m: Range = (0.4, 1.2)
-    planter_height_m: Range = (0.4, 1.1)
+    planter: Spans = field(
+        default_factory=lambda: {
+            "length_m": (0.8, 2.5),
+            "width_m": (0.4, 1.2),
+            "height_m": (0.4, 1.1),
+        }
+    )
     planter_turn_deg: Range = (-5, 5)
-    shelter_length_m: Range = (2.5, 5.5)
-    shelter_depth_m: Range = (1.2, 2.2)
-    shelter_height_m: Range = (2.2, 2.7)
+    shelter: Spans = field(
+        default_factory=lambda: {
+            "length_m": (2.5, 5.5),
+            "width_m": (1.2, 2.2),
+            "height_m": (2.2, 2.7),
+        }
+    )
     crown_m: Range = (1.6, 4.5)
     crown_above_m: Range = (2.0, 3.5)  # height of the lowest leaves
     crown_height_m: Range = (1.5, 4.0)

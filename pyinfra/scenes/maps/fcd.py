@@ -16,6 +16,7 @@ import numpy as np
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import FormatError
 from pyinfra.formats.csv_table import numbers, read_words
+from pyinfra.scenes.maps.lane_map import number_or_nan
 
 MOST_OBJECTS = 100_000  # maximum number of objects per file
 
@@ -130,7 +131,7 @@ def _objects(stream: BinaryIO, file: Path) -> Iterator[tuple[float, ElementTree.
             if element.tag != "fcd-export":
                 raise FormatError(f"{file}: expected <fcd-export>, got <{element.tag[:40]}>")
         if event == "end" and element.tag == "timestep":
-            t = _number(element.get("time"))
+            t = number_or_nan(element.get("time"))
             if not np.isfinite(t) or abs(t) > 1e8:
                 raise FormatError(
                     f"{file}: expected a time in seconds, got '{element.get('time')}'"
@@ -152,8 +153,8 @@ def _state(
     """Returns x, y, z, heading and speed of an element. z, angle and speed are optional."""
     if not name:
         raise FormatError(f"{file}: time {t:g}: expected an id for each <{element.tag}>, got none")
-    x, y = (_number(element.get(key)) for key in ("x", "y"))
-    z, angle = (_number(element.get(key, "0")) for key in ("z", "angle"))
+    x, y = (number_or_nan(element.get(key)) for key in ("x", "y"))
+    z, angle = (number_or_nan(element.get(key, "0")) for key in ("z", "angle"))
     for key, value in (("x", x), ("y", y), ("z", z), ("angle", angle)):
         if not np.isfinite(value) or abs(value) > 1e7:
             raise FormatError(
@@ -161,11 +162,4 @@ def _state(
             )
     # SUMO's angle counts clockwise from north.
     heading = np.nan if element.get("angle") is None else np.radians(90 - angle)
-    return x, y, z, heading, _number(element.get("speed"))
-
-
-def _number(text: str | None) -> float:
-    try:
-        return float(text or "nan")
-    except ValueError:
-        return np.nan
+    return x, y, z, heading, number_or_nan(element.get("speed"))

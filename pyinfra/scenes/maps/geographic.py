@@ -1,7 +1,7 @@
 """Recognises positions in longitude and latitude, and projects them to metres at a site."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -23,13 +23,8 @@ _SHARE = 1e-3
 _ELLIPSOIDS = ("WGS84", "GRS80")
 
 
-@dataclass(frozen=True)
-class Motion:
-    """The motion of one object: times (n,) in s, xy (n, 2), speeds (n,) in m/s or NaN."""
-
-    times: FloatArray
-    xy: FloatArray
-    speeds: FloatArray
+# The motion of one object: times (n,) in s, xy (n, 2), speeds (n,) in m/s or NaN.
+Motion = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -46,7 +41,7 @@ class Projection:
         return np.asarray(unscaled * self.scale + np.array(self.offset_m))
 
 
-def in_degrees(objects: Iterable[Motion], projection: Projection | None) -> bool:
+def in_degrees(objects: Sequence[Motion], projection: Projection | None) -> bool:
     """Returns whether positions are longitude and latitude.
 
     All values must be in the range of longitude and latitude. In addition, x and y must change far
@@ -54,19 +49,18 @@ def in_degrees(objects: Iterable[Motion], projection: Projection | None) -> bool
     per second than the coordinates of any moving object in metres. If no object moves, the
     positions must be near the site.
     """
-    objects = list(objects)
-    xy = np.concatenate([o.xy for o in objects])
-    if not fits(xy):
+    positions = np.concatenate([xy for _, xy, _ in objects])
+    if not fits(positions):
         return False
     moved = expected = fastest = 0.0
-    for o in objects:
-        seconds, step = np.diff(o.times), np.hypot(*np.diff(o.xy, axis=0).T)
+    for times, xy, speeds in objects:
+        seconds, step = np.diff(times), np.hypot(*np.diff(xy, axis=0).T)
         moved += float(step.sum())
-        expected += float(np.nansum(o.speeds[1:] * seconds))
+        expected += float(np.nansum(speeds[1:] * seconds))
         fastest = max(fastest, float((step / seconds.clip(1e-6)).max(initial=0.0)))
     if moved > 0:
         return moved < expected * _SHARE if expected > 1 else fastest < _CRAWL
-    return projection is not None and bool(_away_m(xy, projection) < NEAR_M)
+    return projection is not None and bool(_away_m(positions, projection) < NEAR_M)
 
 
 def fits(xy: FloatArray) -> bool:

@@ -22,12 +22,6 @@ class MapError(Error):
     """The map cannot be read or used as a site. The message names file and location."""
 
 
-def check_extent(metres: float, where: str) -> None:
-    """Raises MapError for a line that is too long to be sampled."""
-    if not metres <= FARTHEST_M:
-        raise MapError(f"{where}: expected up to {FARTHEST_M:g} m from end to end, got {metres:g}")
-
-
 @dataclass(frozen=True, eq=False)
 class MapLane:
     """A lane or sidewalk between two borders, whose points follow the direction of travel."""
@@ -99,6 +93,14 @@ class SiteMap:
     guessed: list[str] = field(default_factory=list)  # texts about assumptions
     mended: list[str] = field(default_factory=list)  # texts about repaired lanes
     not_understood: list[str] = field(default_factory=list)  # texts about ignored content
+
+
+def number_or_nan(text: str | None) -> float:
+    """Returns the number of an attribute; NaN if it is missing or no number."""
+    try:
+        return float(text or "")
+    except ValueError:
+        return np.nan
 
 
 def lane_name(*words: object) -> str:

@@ -15,7 +15,13 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.scenes.maps.lane_map import MapFeature, MapLane, SiteMap, without_folds
+from pyinfra.scenes.maps.lane_map import (
+    MapFeature,
+    MapLane,
+    SiteMap,
+    number_or_nan,
+    without_folds,
+)
 from pyinfra.scenes.maps.network import KERB_M
 from pyinfra.scenes.maps.openstreetmap import all_elements, is_deleted, transverse_mercator
 from pyinfra.scenes.maps.surfaces import signed_area
@@ -111,14 +117,14 @@ def _read_element(element: Element, content: LaneletFile) -> None:
     tags = {tag.get("k", ""): tag.get("v", "") for tag in element.iterfind("tag")}
     name = element.get("id", "")
     if element.tag == "node":
-        lon, lat = (_float(element.get(key)) for key in ("lon", "lat"))
-        if lon is not None and lat is not None and abs(lon) <= 180 and abs(lat) <= 85:
+        lon, lat = (number_or_nan(element.get(key)) for key in ("lon", "lat"))
+        if abs(lon) <= 180 and abs(lat) <= 85:
             content.degrees[name] = (lon, lat)
-        x, y, z = (_float(tags.get(key)) for key in ("local_x", "local_y", "ele"))
-        if x is not None and y is not None:
+        x, y, z = (number_or_nan(tags.get(key)) for key in ("local_x", "local_y", "ele"))
+        if math.isfinite(x) and math.isfinite(y):
             content.metres[name] = (x, y)
             content.degrees.setdefault(name, (0.0, 0.0))
-        if z is not None:
+        if math.isfinite(z):
             content.heights[name] = z
     elif element.tag == "way":
         content.ways[name] = [nd.get("ref", "") for nd in element.iterfind("nd")]
@@ -128,14 +134,6 @@ def _read_element(element: Element, content: LaneletFile) -> None:
         content.lanelets.append((name, *borders, tags))  # type: ignore[arg-type]
     else:
         content.others[tags.get("type") or "relation"] += 1
-
-
-def _float(text: str | None) -> float | None:
-    try:
-        value = float(text or "")
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
 
 
 def _border(content: LaneletFile, points: dict[str, FloatArray], ways: list[str]) -> FloatArray:

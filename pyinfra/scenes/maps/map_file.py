@@ -24,7 +24,6 @@ OTHERS = {
     ".gml": f"CityGML has buildings; convert it with citygml-tools to CityJSON, and {_MESH}",
     **dict.fromkeys((".obj", ".glb", ".gltf", ".stl", ".ply"), f"a mesh has no lanes; {_MESH}"),
 }
-CONVERTED = {".o5m": "osmconvert {0} -o={1}.osm"}
 
 
 def format_of(file: Path) -> str:
@@ -33,13 +32,12 @@ def format_of(file: Path) -> str:
     Raises MapError.
     """
     name = file.name.lower()
-    for ending, command in CONVERTED.items():
-        if name.endswith(ending):
-            stem = file.name[: -len(ending)].removesuffix(".osm")
-            raise MapError(
-                f"{file}: expected XML, got a {ending} file; convert it first, for example with "
-                f"`{command.format(file.name, stem)}`"
-            )
+    if name.endswith(".o5m"):
+        stem = file.stem.removesuffix(".osm")
+        raise MapError(
+            f"{file}: expected XML, got a .o5m file; convert it first, for example with "
+            f"`osmconvert {file.name} -o={stem}.osm`"
+        )
     if name.endswith(PBF):
         return ".osm"
     for packing in PACKED:

@@ -3,7 +3,7 @@
 import math
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -31,22 +31,12 @@ MOST_TRIANGLES = 20_000_000
 VERSION = 5  # version of the import's output
 
 
-@dataclass(frozen=True)
-class Imported:
-    """A summary of an import."""
-
-    lanes: int
-    triangles: int
-    pole: Pole
-    record: dict[str, Any]  # content of map.yaml
-    anew: bool  # whether the import ran; False if the folder already had its result
-
-
-def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> Imported:
+def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> dict[str, Any]:
     """Writes the site folder, unless it already has the result of the same import.
 
-    Raises MapError, FormatError for a mount in degrees, and FileExistsError if the folder has other
-    content. Raises ImportError if SUMO or osmium is needed but not installed.
+    Returns the content of map.yaml. Raises MapError, FormatError for a mount in degrees, and
+    FileExistsError if the folder has other content. Raises ImportError if SUMO or osmium is needed
+    but not installed.
     """
     options = options or ImportOptions()
     kind = format_of(file)
@@ -59,9 +49,7 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
     if (out / MAP).exists():
         record = read_keys(out / MAP)
         if {k: record.get(k) for k in identity} == identity:
-            return Imported(
-                record["lanes"], record["triangles"], Pole(**record["pole"]), record, False
-            )
+            return record
         raise FileExistsError(f"{out}: expected a new folder, got the folder of a different import")
     with new_folder(out) as folder, tempfile.TemporaryDirectory() as scratch:
         plain = unpacked(file, kind, Path(scratch))
@@ -72,7 +60,8 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
         site_map.lanes = checked_lanes(with_unique_names(site_map.lanes), str(file))
         site_map.not_understood += disagreements(site_map.lanes) + steep_lanes(site_map.lanes)
         meshes, terrain = surfaces(site_map, KERB_M)
-        if sum(len(m.faces) for m in meshes.values()) > MOST_TRIANGLES:
+        triangles = sum(len(mesh.faces) for mesh in meshes.values())
+        if triangles > MOST_TRIANGLES:
             raise MapError(
                 f"{file}: expected up to {MOST_TRIANGLES} triangles, got more; use a smaller "
                 "`radius_m`"
@@ -80,15 +69,19 @@ def import_map(file: Path, out: Path, options: ImportOptions | None = None) -> I
         pole, assumption = _pole(site_map, folder, options, origin["offset_m"])
         site_map.guessed += [assumption] if assumption else []
         write_site(folder, out.name, site_map, meshes, pole, options, terrain)
-        counts = {
+        record = {
+            **identity,
+            **origin,
             "lanes": len(site_map.lanes),
-            "triangles": sum(len(m.faces) for m in meshes.values()),
+            "triangles": triangles,
+            "pole": asdict(pole),
+            "features": _listed(site_map),
+            "guessed": site_map.guessed,
+            "mended": site_map.mended,
+            "not_understood": site_map.not_understood,
         }
-        lists = {k: getattr(site_map, k) for k in ("guessed", "mended", "not_understood")}
-        record = {**identity, **origin, **counts, "pole": asdict(pole)}
-        record |= {"features": _listed(site_map), **lists}
         write(folder / MAP, yaml_text(record))
-    return Imported(counts["lanes"], counts["triangles"], pole, record, True)
+    return record
 
 
 def _listed(site_map: SiteMap) -> dict[str, list[dict[str, Any]]]:

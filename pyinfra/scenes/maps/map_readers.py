@@ -155,10 +155,9 @@ def _from_lanelet2(file: Path, options: ImportOptions) -> tuple[SiteMap, dict[st
     site_map, centre = read_lanelets(file, options.centre)
     if not site_map.lanes:
         raise MapError(f"{file}: expected one or more lanelets with two borders, got none")
-    offset = _offset(site_map.lanes, file, replace(options, centre=None))
-    offset[:2] = offset[:2] if centre is None else 0.0
-    if centre is None and options.centre:
-        offset[:2] = options.centre
+    offset = _offset(site_map.lanes, file, options)
+    if centre is not None:
+        offset[:2] = 0.0
     _move(site_map, offset)
     _cut(site_map, options.radius_m, file)
     origin: dict[str, Any] = {"offset_m": offset.tolist(), "network": []}

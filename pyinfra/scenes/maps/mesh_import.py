@@ -1,6 +1,5 @@
 """Imports mesh files (OBJ, glTF, STL, PLY) and CityJSON files into a site."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,19 +22,19 @@ FARTHEST_M = 1_000.0  # maximum distance of a mesh from a mount
 MOST_TRIANGLES = 20_000_000
 
 
-@dataclass(frozen=True)
-class MeshPlacement:
-    """Scale, upward axis and offset of the transform from a file's coordinates to the site's."""
+def import_mesh(
+    file: Path,
+    site: Path,
+    material: str,
+    *,
+    scale: float,
+    up: str,
+    offset_m: tuple[float, float, float],
+) -> None:
+    """Writes meshes/NAME.ply to the site and adds it to site.yaml.
 
-    scale: float = 1.0
-    up: str = ""  # upward axis y or z; by default the upward axis of the file format
-    offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-
-def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement) -> Triangles:
-    """Writes meshes/NAME.ply to the site, adds it to site.yaml, and returns the mesh.
-
-    Raises FormatError, FileExistsError, OSError, and ImportError if trimesh is not installed.
+    The arguments are those of `pyinfra.import_mesh`. Raises FormatError, FileExistsError, OSError,
+    and ImportError if trimesh is not installed.
     """
     name = f"meshes/{file.stem.lower()}.ply"
     if (site / name).exists():
@@ -43,7 +42,7 @@ def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement)
             f"{site / name}: expected a new file, got an existing mesh; rename {file}"
         )
     mounts = feet(site)
-    mesh = _placed(_read(file), file, placement)
+    mesh = _placed(_read(file), file, scale, up, np.array(offset_m))
     away = _away_m(mesh, mounts)
     if away > FARTHEST_M:
         x, y = mesh.vertices[:, :2].mean(axis=0)
@@ -55,7 +54,6 @@ def import_mesh(file: Path, site: Path, material: str, placement: MeshPlacement)
     (site / "meshes").mkdir(exist_ok=True)
     write_ply(site / name, mesh)
     write(site / SCENE, scene)
-    return mesh
 
 
 def _read(file: Path) -> Triangles:
@@ -97,9 +95,9 @@ def _read(file: Path) -> Triangles:
     return Triangles(vertices, faces)
 
 
-def _placed(mesh: Triangles, file: Path, placement: MeshPlacement) -> Triangles:
-    up = placement.up or ("y" if file.suffix.lower() in UPWARDS_Y else "z")
-    vertices = mesh.vertices * placement.scale
+def _placed(mesh: Triangles, file: Path, scale: float, up: str, offset_m: FloatArray) -> Triangles:
+    up = up or ("y" if file.suffix.lower() in UPWARDS_Y else "z")
+    vertices = mesh.vertices * scale
     widest = float(np.ptp(vertices, axis=0).max())
     if widest > WIDEST_M:
         raise FormatError(
@@ -108,7 +106,7 @@ def _placed(mesh: Triangles, file: Path, placement: MeshPlacement) -> Triangles:
         )
     if up == "y":
         vertices = vertices[:, [0, 2, 1]] * [1, -1, 1]
-    made = together([Triangles(vertices + np.array(placement.offset_m), mesh.faces)])
+    made = together([Triangles(vertices + offset_m, mesh.faces)])
     if not len(made.faces):
         raise FormatError(
             f"{file}: expected faces with an area, got {len(mesh.faces)} faces without an area; "

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.core.rows import Rows
 from pyinfra.scenes.maps.lane_map import MapLane, SiteMap
-from pyinfra.scenes.maps.surfaces import contains
+from pyinfra.scenes.maps.surfaces import contains, to_segments
 
 HEIGHT_M = 6.0  # height of the sensor above the road
 NEAREST_M, FARTHEST_M = 12.0, 80.0  # minimum and maximum distance of the pole from the junction
@@ -90,9 +91,9 @@ def _clear_position(
     distance = np.hypot(*offsets.T)
     order = np.argsort(distance, kind="stable")
     order = order[(distance[order] >= NEAREST_M) & (distance[order] <= farthest_m)]
-    near = strips.near(target, farthest_m + 20)
-    trees = np.array([(tree.x_m, tree.y_m) for tree in site_map.trees]).reshape(-1, 2)
     reach = farthest_m + 20
+    near = strips.select(np.hypot(*(strips.start - target).T) < reach)
+    trees = np.array([(tree.x_m, tree.y_m) for tree in site_map.trees]).reshape(-1, 2)
     outlines = [thing.outline for thing in site_map.bodies] + site_map.areas
     outlines = [o for o in outlines if np.hypot(*(o - target).T).min() < reach]
     middles = np.array([o.mean(0) for o in outlines]).reshape(-1, 2)
@@ -100,7 +101,8 @@ def _clear_position(
     best, freest = target, -math.inf
     for offset in offsets[order]:
         position = target + offset
-        free = near.free_m(position)
+        away = to_segments(position, near.start, near.end)
+        free = float((away - near.clear).min(initial=math.inf))
         if np.hypot(*(trees - position).T).min(initial=math.inf) < CLEAR_OF_TREES_M:
             continue
         beside = np.flatnonzero(np.hypot(*(middles - position).T) < radii + CLEAR_M)
@@ -116,7 +118,7 @@ def _clear_position(
 
 
 @dataclass(frozen=True)
-class _Strips:
+class _Strips(Rows):
     """Segments of lane centrelines, and the minimum distance of a free position from each."""
 
     start: FloatArray  # start points (n, 2)
@@ -132,21 +134,8 @@ class _Strips:
         ]
         return _Strips(ends[0], ends[1], np.concatenate(half))
 
-    def near(self, position: FloatArray, metres: float) -> _Strips:
-        is_near = np.hypot(*(self.start - position).T) < metres
-        return _Strips(self.start[is_near], self.end[is_near], self.clear[is_near])
-
-    def free_m(self, position: FloatArray) -> float:
-        """Returns the distance of a position from the lanes minus the minimum distance, metres."""
-        along = self.end - self.start
-        part = ((position - self.start) * along).sum(1) / np.maximum((along**2).sum(1), 1e-12)
-        away = self.start + part.clip(0, 1)[:, None] * along - position
-        return float((np.hypot(*away.T) - self.clear).min(initial=math.inf))
-
 
 def _is_close(outline: FloatArray, position: FloatArray) -> bool:
     """Returns whether a position lies in an outline (n, 2) or within CLEAR_M of it."""
-    sides = np.roll(outline, -1, axis=0) - outline
-    along = ((position - outline) * sides).sum(1) / np.maximum((sides**2).sum(1), 1e-12)
-    away = outline + along.clip(0, 1)[:, None] * sides - position
-    return bool(np.hypot(*away.T).min() < CLEAR_M) or bool(contains(outline, position[None])[0])
+    away = to_segments(position, outline, np.roll(outline, -1, axis=0))
+    return bool(away.min() < CLEAR_M) or bool(contains(outline, position[None])[0])

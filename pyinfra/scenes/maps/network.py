@@ -10,12 +10,12 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.scenes.maps.lane_map import (
+    FARTHEST_M,
     SHORTEST_M,
     MapError,
     MapFeature,
     MapLane,
     SiteMap,
-    check_extent,
     lane_name,
     without_folds,
 )
@@ -58,8 +58,10 @@ def shape_of(text: str, where: str) -> FloatArray:
         raise MapError(f"{where}: shape: expected x,y or x,y,z, got {text[:40]!r}") from error
     if not np.isfinite(shape).all():
         raise MapError(f"{where}: shape: expected finite numbers, got {text[:40]!r}")
-    if len(shape):
-        check_extent(float(np.ptp(shape, axis=0).max()), f"{where}: shape")
+    if len(shape) and (metres := float(np.ptp(shape, axis=0).max())) > FARTHEST_M:
+        raise MapError(
+            f"{where}: shape: expected up to {FARTHEST_M:g} m from end to end, got {metres:g}"
+        )
     return shape
 
 

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.scenes.maps.lane_map import MapError
+from pyinfra.scenes.maps.lane_map import MapError, number_or_nan
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
@@ -28,10 +28,7 @@ def number(node: Element, name: str, default: float | None = None) -> float:
     text = node.get(name)
     if text is None and default is not None:
         return default
-    try:
-        value = float(text or "")
-    except ValueError:
-        value = math.nan
+    value = number_or_nan(text)
     if not math.isfinite(value):
         attributes = " ".join(f'{k}="{v[:20]}"' for k, v in list(node.attrib.items())[:3])
         raise MapError(f"<{node.tag} {attributes}>: {name}: expected a number, got {text!r}")

@@ -103,7 +103,6 @@ def _junctions(root: Element) -> list[str]:
         if kind == "direct":
             _as_default(root, junction)
             notes.append(f"junction {name}: type 'direct'; short connecting roads were added")
-            continue
         elif kind not in JUNCTIONS or any(
             not connection.get("connectingRoad") for connection in junction.iterfind("connection")
         ):

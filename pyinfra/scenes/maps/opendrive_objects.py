@@ -5,7 +5,6 @@ The outline of an object replaces its box, and a repeat replaces its single posi
 
 import itertools
 import math
-from collections import Counter
 from collections.abc import Iterator
 from xml.etree.ElementTree import Element
 
@@ -50,17 +49,20 @@ def read_objects(road: OpenDriveRoad, node: Element, site_map: SiteMap) -> None:
         tags = {k: v for k in ("name", "type", "country") if (v := signal.get(k, ""))}
         signal_name = f"road {road.id}: signal {signal.get('id')}"
         site_map.features.append(MapFeature(kind, signal_name, x, y, tags))
-    for tag in ("tunnel", "bridge", "objectReference"):
-        for thing in node.iterfind(f"objects/{tag}"):
-            at = number(thing, "s", 0.0)
-            site_map.not_understood.append(
-                f"road {road.id}: {tag} {thing.get('id')} at s = {at:.1f}: left out"
-            )
-    for tag, count in Counter(n.tag for n in node.iterfind("signals/signalReference")).items():
-        site_map.not_understood.append(f"road {road.id}: {count} {tag}: left out")
-    for tag in ("surface", "railroad"):
-        if (part := node.find(tag)) is not None and len(part):
-            site_map.not_understood.append(f"road {road.id}: {tag}: left out")
+    site_map.not_understood += [
+        f"road {road.id}: {tag} {thing.get('id')} at s = {number(thing, 's', 0.0):.1f}: left out"
+        for tag in ("tunnel", "bridge", "objectReference")
+        for thing in node.iterfind(f"objects/{tag}")
+    ]
+    if references := node.findall("signals/signalReference"):
+        site_map.not_understood.append(
+            f"road {road.id}: {len(references)} signalReference: left out"
+        )
+    site_map.not_understood += [
+        f"road {road.id}: {tag}: left out"
+        for tag in ("surface", "railroad")
+        if (part := node.find(tag)) is not None and len(part)
+    ]
 
 
 def _is_mark(node: Element) -> bool:

@@ -1,7 +1,6 @@
 """Counts what neither the importer nor netconvert uses of an OpenDRIVE file."""
 
 from collections import Counter
-from collections.abc import Iterator
 from xml.etree.ElementTree import Element
 
 _LANE = "link width border height speed access"
@@ -54,13 +53,13 @@ def unread_elements(root: Element) -> list[str]:
     return [f"{kind}: not read, {count} in the file" for kind, count in sorted(counts.items())]
 
 
-def _unread_attributes(lane: Element, is_inclined: bool) -> Iterator[str]:
-    if lane.get("direction") == "both":
-        yield 'lane: direction="both"'
-    if lane.get("dynamicLaneDirection") in _TRUE:
-        yield "lane: dynamicLaneDirection"
-    if lane.get("level") in _TRUE and is_inclined:
-        yield "lane: level"
+def _unread_attributes(lane: Element, is_inclined: bool) -> list[str]:
+    attributes = (
+        (lane.get("direction") == "both", 'lane: direction="both"'),
+        (lane.get("dynamicLaneDirection") in _TRUE, "lane: dynamicLaneDirection"),
+        (lane.get("level") in _TRUE and is_inclined, "lane: level"),
+    )
+    return [text for holds, text in attributes if holds]
 
 
 def _count(node: Element, parent: str, counts: Counter[str]) -> None:

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.scenes.maps.lane_map import MapError
+from pyinfra.scenes.maps.lane_map import MapError, number_or_nan
 from pyinfra.scenes.maps.map_file import opened
 
 BESIDE_DEG = 0.05  # maximum distance of a centre from the map's roads
@@ -255,10 +255,7 @@ def is_deleted(node: Element) -> bool:
 
 
 def _lon_lat(node: Element, file: Path) -> tuple[float, float]:
-    try:
-        lon, lat = float(node.get("lon", "")), float(node.get("lat", ""))
-    except ValueError:
-        lon = lat = math.nan
+    lon, lat = number_or_nan(node.get("lon")), number_or_nan(node.get("lat"))
     if not (abs(lon) <= 180 and abs(lat) <= 85):
         raise MapError(
             f"{file}: node {node.get('id', node.get('ref'))}: lon, lat: expected degrees up to 180 "

@@ -16,23 +16,24 @@ from pyinfra.scenes.maps.openstreetmap import StreetMap, transverse_mercator
 KEPT_TAGS = ("name", "crossing", "crossing:markings", "shelter", "direction", "local_ref")
 _NONE = frozenset({"no", "none"})
 _CROSSED_BY = ("footway", "cycleway", "path")
+_AS_TAGGED = ("traffic_signals", "stop", "give_way", "street_lamp", "speed_camera")
 
 
 def kind_of(tags: dict[str, str]) -> str:
     """Returns the kind of a street feature, such as bus_stop, or an empty text for other tags."""
     highway, railway = tags.get("highway", ""), tags.get("railway", "")
     transport = tags.get("public_transport", "")
-    if highway == "bus_stop" or transport == "platform" or railway == "platform":
-        return "bus_stop" if highway == "bus_stop" or tags.get("bus") == "yes" else "platform"
-    if "crossing" in (highway, *(tags.get(key, "") for key in _CROSSED_BY)):
-        return "crossing"
-    if railway in ("level_crossing", "crossing"):
-        return "level_crossing"
-    if transport == "stop_position" or railway == "tram_stop":
-        return "stop_position"
-    if highway in ("traffic_signals", "stop", "give_way", "street_lamp", "speed_camera"):
-        return highway
-    return "traffic_sign" if "traffic_sign" in tags else ""
+    is_platform = "platform" in (transport, railway)
+    kinds = (
+        (highway == "bus_stop" or (is_platform and tags.get("bus") == "yes"), "bus_stop"),
+        (is_platform, "platform"),
+        ("crossing" in (highway, *(tags.get(key) for key in _CROSSED_BY)), "crossing"),
+        (railway in ("level_crossing", "crossing"), "level_crossing"),
+        (transport == "stop_position" or railway == "tram_stop", "stop_position"),
+        (highway in _AS_TAGGED, highway),
+        ("traffic_sign" in tags, "traffic_sign"),
+    )
+    return next((kind for holds, kind in kinds if holds), "")
 
 
 def sides_without(tags: dict[str, str]) -> dict[str, str]:

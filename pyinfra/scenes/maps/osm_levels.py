@@ -25,7 +25,7 @@ from pyinfra.scenes.maps.openstreetmap import (
 )
 from pyinfra.scenes.maps.osm_lanes import swap_sides
 from pyinfra.scenes.maps.ramps import CLEARANCE_M, RAMP_M, ramp_shares
-from pyinfra.scenes.maps.surfaces import side_of
+from pyinfra.scenes.maps.surfaces import side_of, to_segments
 
 LEAST_M = 4.5  # height difference below which a crossing is reported
 STEP_M = 15.0  # distance between the nodes of a ramp
@@ -92,9 +92,11 @@ def find_levels(map_: StreetMap, centre: tuple[float, float], radius_m: float) -
     out.crossings = len(crossings) - len(out.flat)
     out.heights = {i: round(z, 3) for i, z in net.z.items() if abs(z) > 1e-3}
     out.places = {i: place for i, place in net.new.items() if i in out.heights}
-    for way, nodes in net.ways:
-        if not out.places.keys().isdisjoint(nodes):
-            out.ways[way.id] = [i for i in nodes if i in out.places or i not in net.new]
+    out.ways = {
+        way.id: [i for i in nodes if i in out.places or i not in net.new]
+        for way, nodes in net.ways
+        if not out.places.keys().isdisjoint(nodes)
+    }
     return out
 
 
@@ -132,7 +134,7 @@ def write_levelled(
         stream.write("</osm>\n")
 
 
-def _place(element: Element, taken: set[tuple[str, str]]) -> Element:
+def _place(element: Element, taken: set[tuple[str, str]]) -> None:
     """Moves a node by half a metre if another node has the same position.
 
     netconvert would merge nodes at the same position.
@@ -140,7 +142,6 @@ def _place(element: Element, taken: set[tuple[str, str]]) -> Element:
     while (place := (element.get("lon", ""), element.get("lat", ""))) in taken:
         element.set("lat", repr(float(place[1]) + 5e-6))
     taken.add(place)
-    return element
 
 
 def _kept(file: Path, tags: set[str]) -> Iterator[Element]:
@@ -224,7 +225,7 @@ class _Net:
             extended = nodes[:1]
             for a, b in itertools.pairwise(nodes):
                 p, q = np.array(self.xy[a]), np.array(self.xy[b])
-                if np.isfinite([p, q]).all() and _away(at, p, q) < reach:
+                if np.isfinite([p, q]).all() and to_segments(at, p, q).min() < reach:
                     count = math.ceil(math.dist(p, q) / STEP_M)
                     parts = np.arange(1, count) / count
                     apart = [np.hypot(*(p + (q - p) * u - at).T).min() for u in parts]
@@ -259,20 +260,16 @@ class _Net:
             pinned.setdefault(c.upper.id, set()).update(c.on_lower)
             pinned.setdefault(c.lower.id, set()).update(c.on_upper)
         for _ in range(_ROUNDS):
-            done = True
-            for c in sorted(crossings, key=lambda c: level(c.upper.tags)):
-                lack = CLEARANCE_M - self.gap(c)
-                if lack < 0.01:
-                    continue
-                done = False
+            lacking = [c for c in crossings if CLEARANCE_M - self.gap(c) >= 0.01]
+            if not lacking:
+                return
+            for c in sorted(lacking, key=lambda c: level(c.upper.tags)):
                 if level(c.upper.tags) > 0:
                     name, z = c.upper.id, self.z_at(c.on_lower, c.xy) + CLEARANCE_M
                     goal[name] = max(goal.get(name, 0.0), z)
                 else:
                     name, z = c.lower.id, self.z_at(c.on_upper, c.xy) - CLEARANCE_M
                     goal[name] = min(goal.get(name, 0.0), z)
-            if done:
-                return
             high, low = dict[str, float](), dict[str, float]()
             for name, z in goal.items():
                 side, fixed = (high if z > 0 else low), pinned[name] - set(ways[name])
@@ -307,10 +304,3 @@ def _meeting(a: FloatArray, b: FloatArray, p: FloatArray, q: FloatArray) -> tupl
     before, behind = side_of(p, q, a), side_of(p, q, b)
     x, y = a + (b - a) * (before / (before - behind))
     return float(x), float(y)
-
-
-def _away(at: FloatArray, p: FloatArray, q: FloatArray) -> float:
-    """Returns the smallest distance of positions (n, 2) from a segment."""
-    along = q - p
-    part = ((at - p) @ along / max(float(along @ along), 1e-9)).clip(0, 1)
-    return float(np.hypot(*(p + part[:, None] * along - at).T).min())

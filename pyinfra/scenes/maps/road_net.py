@@ -58,7 +58,6 @@ class RoadNet:
 
     edges: dict[str, Edge]
     links: dict[str, dict[str, frozenset[str] | None]]
-    offset_m: tuple[float, float]  # offset that netconvert added to the map's coordinates
     walkable: bool  # whether sidewalks and crossings are connected
     turn_speed_limited: bool  # whether lateral acceleration in junctions is limited
 
@@ -123,12 +122,9 @@ def _net(root: ElementTree.Element) -> RoadNet:
             before = links.setdefault(start.name, {}).get(end.name, frozenset())
             permitted = None if classes is None or before is None else before | classes
             links[start.name][end.name] = permitted
-    location = root.find("location")
-    offset = "0,0" if location is None else location.attrib["netOffset"]
-    x, y = (float(v) for v in offset.split(","))
     slow_turns = 0 < float(root.get("limitTurnSpeed", "0")) <= TURN_LIMIT_M_S2
     functions = {node.get("function") for node in root.findall("edge")}
-    return RoadNet(edges, links, (x, y), "walkingarea" in functions, slow_turns)
+    return RoadNet(edges, links, "walkingarea" in functions, slow_turns)
 
 
 def _edge(node: ElementTree.Element) -> Edge | None:

@@ -12,7 +12,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.scenes.maps.tracks import HEADING, STEP_S, FrontPath, Track, wrap
+from pyinfra.core.boxes import wrapped
+from pyinfra.scenes.maps.tracks import HEADING, STEP_S, FrontPath, Track
 
 MAX_TURN_DEG = 5.0  # maximum change of heading per 0.1 s
 MAX_ACCELERATION_M_S2 = 8.0  # maximum acceleration of the box centre, over 0.3 s
@@ -58,7 +59,7 @@ def within_limits(track: Track) -> bool:
 
 def turns_deg(track: Track) -> FloatArray:
     """Returns the change of heading (n - 1,) in each 0.1 s, in degrees."""
-    return np.asarray(np.degrees(np.abs(wrap(np.diff(track.states[:, HEADING])))))
+    return np.asarray(np.degrees(np.abs(wrapped(np.diff(track.states[:, HEADING])))))
 
 
 def accelerations(track: Track) -> FloatArray:
@@ -130,7 +131,7 @@ def _track(path: FrontPath, points: FloatArray) -> Track:
     slewed = _slewed(heading)
     # If the turn per step is limited, the box is rotated about its front bumper.
     bumper = points[:, :2] - middle[:, :2]
-    turned = np.abs(wrap(slewed - heading)) > 1e-9
+    turned = np.abs(wrapped(slewed - heading)) > 1e-9
     ahead = np.stack([np.cos(slewed), np.sin(slewed)], axis=1) * length / 2
     centre[turned, :2] = (middle[:, :2] + bumper - ahead)[turned]
     return _of_poses(path, centre, slewed, pitch)
@@ -193,17 +194,17 @@ def _walking_headings(path: FrontPath, points: FloatArray) -> FloatArray:
 
 def _slewed(heading: FloatArray) -> FloatArray:
     """Returns the headings (n,) with a limited turn per step."""
-    if (np.abs(wrap(np.diff(heading))) <= _SLEW_RAD).all():
+    if (np.abs(wrapped(np.diff(heading))) <= _SLEW_RAD).all():
         return heading
     out = heading.tolist()
     for i in range(1, len(out)):
         turn = (out[i] - out[i - 1] + math.pi) % (2 * math.pi) - math.pi
         out[i] = out[i - 1] + min(max(turn, -_SLEW_RAD), _SLEW_RAD)
-    return np.asarray(wrap(np.array(out)))
+    return np.asarray(wrapped(np.array(out)))
 
 
 def _of_poses(path: FrontPath, centre: FloatArray, heading: FloatArray, pitch: FloatArray) -> Track:
     velocity = np.gradient(centre, STEP_S, axis=0) if len(centre) > 1 else np.zeros((1, 3))
     speed = np.linalg.norm(velocity, axis=1)
-    states = np.column_stack([centre, wrap(heading), pitch, speed])
+    states = np.column_stack([centre, wrapped(heading), pitch, speed])
     return Track(path.name, path.object_class, path.size_m, path.first, states)

@@ -130,6 +130,14 @@ def contains(outline: FloatArray, xy: FloatArray) -> BoolArray:
     return np.asarray((cut & east).sum(1) % 2 == 1)
 
 
+def to_segments(positions: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
+    """Returns the distances (n,) of positions from segments; either is one (2,) or n (n, 2)."""
+    along = end - start
+    part = ((positions - start) * along).sum(-1) / np.maximum((along**2).sum(-1), 1e-12)
+    away = start + part.clip(0, 1)[:, None] * along - positions
+    return np.asarray(np.hypot(*away.T))
+
+
 def side_of(p: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
     """Returns a positive number where point r lies left of the line from p to q, (..., 2) each."""
     return np.asarray(

@@ -117,8 +117,3 @@ def table(tracks: list[Track]) -> TrackTable:
     order = np.lexsort((track, instant))
     boxes = np.concatenate([states[:, :3], sizes, states[:, HEADING, None]], axis=1)
     return TrackTable(instant[order], track[order], boxes[order], states[order])
-
-
-def wrap(angle: FloatArray) -> FloatArray:
-    """Returns angles wrapped to the range -pi to pi."""
-    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)

@@ -50,14 +50,6 @@ class Trips:
     sizes: dict[str, tuple[str, FloatArray]]
 
 
-@dataclass(frozen=True)
-class _Ways:
-    """Routes and their probabilities."""
-
-    routes: list[list[str]]
-    weights: FloatArray
-
-
 def trips(net: RoadNet, feet: FloatArray, demand: Demand, seconds: float, seed: int) -> Trips:
     """Generates departures over `seconds`. The mounts' feet (k, 2) are in network coordinates."""
     rng = np.random.default_rng(seed)
@@ -68,7 +60,7 @@ def trips(net: RoadNet, feet: FloatArray, demand: Demand, seconds: float, seed: 
         (demand.bicycles_per_hour, {"Cyclist": 1.0}),
         (demand.pedestrians_per_hour, {"Pedestrian": 1.0}),
     )
-    ways: dict[str, _Ways] = {}
+    ways: dict[str, tuple[list[list[str]], FloatArray]] = {}
     for rate, shares in rates:
         names = sorted(shares)
         shares_of = np.array([shares[n] for n in names]) / sum(shares.values())
@@ -78,8 +70,8 @@ def trips(net: RoadNet, feet: FloatArray, demand: Demand, seconds: float, seed: 
             sumo_class = CLASSES[object_class].sumo_class
             if sumo_class not in ways:
                 ways[sumo_class] = _ways(net, feet, sumo_class, np.random.default_rng([seed, 1]))
-            known = ways[sumo_class]
-            route = known.routes[int(rng.choice(len(known.routes), p=known.weights))]
+            routes, weights = ways[sumo_class]
+            route = routes[int(rng.choice(len(routes), p=weights))]
             name = f"{object_class}_{len(sizes)}"
             sizes[name] = (object_class, _drawn_size(object_class, rng))
             is_walk = object_class == "Pedestrian"
@@ -141,11 +133,14 @@ _MANNERS = {
 }
 
 
-def _ways(net: RoadNet, feet: FloatArray, sumo_class: str, rng: np.random.Generator) -> _Ways:
-    """Returns routes that begin outside the region, pass through it, and end outside.
+def _ways(
+    net: RoadNet, feet: FloatArray, sumo_class: str, rng: np.random.Generator
+) -> tuple[list[list[str]], FloatArray]:
+    """Returns routes and their probabilities.
 
-    Routes begin and end where roads enter or leave the map. If there is no such route, routes begin
-    and end at any edges that are far enough from the region.
+    Routes begin outside the region, pass through it, and end outside. They begin and end where
+    roads enter or leave the map. If there is no such route, routes begin and end at any edges that
+    are far enough from the region.
     """
     routes: list[tuple[list[str], int]] = []
     for between in (_ends(net, feet, sumo_class), _far_edges(net, feet, sumo_class)):
@@ -153,7 +148,7 @@ def _ways(net: RoadNet, feet: FloatArray, sumo_class: str, rng: np.random.Genera
     if not routes:
         raise Error(_too_small(net, feet, sumo_class))
     weights = np.array([weight for _, weight in routes])
-    return _Ways([way for way, _ in routes], weights / weights.sum())
+    return [way for way, _ in routes], weights / weights.sum()
 
 
 def _routes(

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pyinfra.core.arrays import FloatArray, IntArray
-from pyinfra.core.boxes import pair_bev_overlap
+from pyinfra.core.boxes import pair_bev_overlap, wrapped
 from pyinfra.scenes.maps.smoothing import accelerations, turns_deg
-from pyinfra.scenes.maps.tracks import Track, TrackTable, table, wrap
+from pyinfra.scenes.maps.tracks import Track, TrackTable, table
 
 REGION_M = 100.0  # radius of the region around a mount's foot
 _NEIGHBOURS_M = 30.0  # maximum distance between two boxes that are checked for overlap
@@ -128,7 +128,7 @@ def _with_middles(rows: TrackTable) -> TrackTable:
     instant, track, boxes = rows.instant[order], rows.track[order], rows.boxes[order]
     on = np.flatnonzero((np.diff(track) == 0) & (np.diff(instant) == 1))
     middles = (boxes[on] + boxes[on + 1]) / 2
-    middles[:, 6] = boxes[on, 6] + wrap(boxes[on + 1, 6] - boxes[on, 6]) / 2
+    middles[:, 6] = boxes[on, 6] + wrapped(boxes[on + 1, 6] - boxes[on, 6]) / 2
     instant = np.concatenate([2 * instant, 2 * instant[on] + 1])
     track, boxes = np.concatenate([track, track[on]]), np.concatenate([boxes, middles])
     order = np.lexsort((track, instant))

@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core import files
+from pyinfra.core.boxes import wrapped
 from pyinfra.core.errors import Error
-from pyinfra.scenes.maps.tracks import CLASSES, HEADING, PITCH, SPEED, STEP_S, Track, table, wrap
+from pyinfra.scenes.maps.tracks import HEADING, PITCH, SPEED, STEP_S, Track, table
 
 NAME = "trajectories.csv"
 _MAX_STEP_M, _MAX_TURN_RAD = 10.0, np.pi / 3  # maximum movement and turn in 0.1 s
@@ -31,17 +32,20 @@ def write_trajectories(file: Path, tracks: list[Track]) -> None:
 
 def _text(tracks: list[Track]) -> str:
     rows = table(tracks)
-    columns: dict[str, object] = {
+    x, y, z, dx, dy, dz = np.round(rows.boxes[:, :6], 4).T
+    columns = {
         "t": np.round(rows.instant * STEP_S, 1),
         "id": rows.track + 1,
         "class": np.array([t.object_class for t in tracks])[rows.track],
+        "x": x,
+        "y": y,
+        "z": z,
+        "heading": np.round(wrapped(rows.states[:, HEADING]), 6),
+        "dx": dx,
+        "dy": dy,
+        "dz": dz,
+        "speed": np.round(rows.states[:, SPEED], 4),
     }
-    for i, name in enumerate("xyz"):
-        columns[name] = np.round(rows.boxes[:, i], 4)
-    columns["heading"] = np.round(wrap(rows.states[:, HEADING]), 6)
-    for i, name in enumerate(("dx", "dy", "dz")):
-        columns[name] = np.round(rows.boxes[:, 3 + i], 4)
-    columns["speed"] = np.round(rows.states[:, SPEED], 4)
     if (np.abs(rows.states[:, PITCH]) > _LEVEL_RAD).any():
         columns["pitch"] = np.round(rows.states[:, PITCH], 6) + 0.0
     return str(pd.DataFrame(columns).to_csv(index=False, lineterminator="\n"))
@@ -49,20 +53,19 @@ def _text(tracks: list[Track]) -> str:
 
 def _check(track: Track) -> None:
     """Checks a track by the rules of the simulator's reader. Raises Error that names the track."""
-    if track.object_class not in CLASSES:
-        _refuse(track, f"class '{track.object_class}'", f"a class among {', '.join(CLASSES)}")
-    if not np.isfinite(track.states).all() or not np.isfinite(track.size_m).all():
-        _refuse(track, "a value that is not finite", "finite numbers")
-    if (track.size_m < _SIZES_M[0]).any() or (track.size_m > _SIZES_M[1]).any():
-        _refuse(track, f"a size of {track.size_m.tolist()} m", "sizes of 0.1 to 50 m")
-    steps = np.linalg.norm(np.diff(track.states[:, :3], axis=0), axis=1)
-    if (steps > _MAX_STEP_M).any():
-        _refuse(track, f"a step of {steps.max():.1f} m", "steps of at most 10 m in 0.1 s")
-    turns = np.abs(wrap(np.diff(track.states[:, HEADING])))
-    if (turns > _MAX_TURN_RAD).any():
-        turn = f"a turn of {np.degrees(turns.max()):.0f} degrees"
-        _refuse(track, turn, "turns of at most 60 degrees in 0.1 s")
-
-
-def _refuse(track: Track, actual: str, allowed: str) -> None:
-    raise Error(f"track '{track.name}': expected {allowed}, got {actual}")
+    name, size_m = f"track '{track.name}'", track.size_m
+    if not np.isfinite(track.states).all() or not np.isfinite(size_m).all():
+        raise Error(f"{name}: expected finite numbers, got a value that is not finite")
+    if (size_m < _SIZES_M[0]).any() or (size_m > _SIZES_M[1]).any():
+        raise Error(f"{name}: expected sizes of 0.1 to 50 m, got a size of {size_m.tolist()} m")
+    step_m = np.linalg.norm(np.diff(track.states[:, :3], axis=0), axis=1).max(initial=0)
+    if step_m > _MAX_STEP_M:
+        raise Error(
+            f"{name}: expected steps of at most 10 m in 0.1 s, got a step of {step_m:.1f} m"
+        )
+    turn = np.abs(wrapped(np.diff(track.states[:, HEADING]))).max(initial=0)
+    if turn > _MAX_TURN_RAD:
+        raise Error(
+            f"{name}: expected turns of at most 60 degrees in 0.1 s, got a turn of "
+            f"{np.degrees(turn):.0f} degrees"
+        )

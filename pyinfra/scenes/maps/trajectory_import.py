@@ -12,7 +12,6 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import FormatError
 from pyinfra.scenes.maps.fcd import Recorded
 from pyinfra.scenes.maps.geographic import (
-    Motion,
     Projection,
     centred_on,
     check_near_site,
@@ -139,7 +138,7 @@ def _to_metres(
 
     Raises FormatError.
     """
-    motions = [Motion(o.rows[:, 0], o.rows[:, 1:3], o.speeds) for o in objects]
+    motions = [(o.rows[:, 0], o.rows[:, 1:3], o.speeds) for o in objects]
     if not in_degrees(motions, projection):
         return lambda positions: np.asarray(positions - offset_m)
     lon_lat = np.concatenate([o.rows[:, 1:3] for o in objects])
@@ -187,7 +186,7 @@ def import_boxes(objects: list[BoxTrack], offset_m: FloatArray) -> ImportedTrack
     out = ImportedTracks()
     start = min(float(o.times[0]) for o in objects)
     _check_length(start, max(float(o.times[-1]) for o in objects))
-    motions = [Motion(o.times, o.boxes[:, :2], np.full(len(o.times), np.nan)) for o in objects]
+    motions = [(o.times, o.boxes[:, :2], np.full(len(o.times), np.nan)) for o in objects]
     if in_degrees(motions, None):
         raise FormatError("x, y: expected metres, got values that look like longitude and latitude")
     _check_boxes(objects)
