@@ -2,7 +2,7 @@
 
 from pyinfra.viz.report import contents, sections
 from pyinfra.viz.report.contents import Maker
-from reproduction.report import accuracy, claims, fidelity, hits, methods
+from reproduction.report import accuracy, fidelity, hits, methods
 from reproduction.report.tables import TABLES
 
 __all__ = ["SECTIONS", "TABLES"]
@@ -15,5 +15,4 @@ _OF_THE_STUDY: dict[Maker, Maker] = {
 }
 
 SECTIONS = [_OF_THE_STUDY.get(maker, maker) for maker in contents.SECTIONS]
-SECTIONS.insert(SECTIONS.index(sections.answer.section) + 1, claims.section)
 SECTIONS.insert(SECTIONS.index(sections.pictures.section), fidelity.section)

@@ -11,13 +11,10 @@ from pyinfra.metrics.row_selection import AP_R40
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Block,
-    Columns,
     Figure,
     LegendEntry,
     Panel,
     Section,
-    number,
-    table_of,
 )
 from pyinfra.viz.report.names import detector
 from pyinfra.viz.report.report_data import Material
@@ -31,7 +28,7 @@ BELOW = f" Below each value: its 95 % interval, {AP_R40} and the paper's {AP_R40
 
 
 def section(material: Material) -> Section | None:
-    """Adds the paper's AP to pyinfra's section, with a figure and the rank correlation."""
+    """Adds the paper's AP to pyinfra's section, with a figure."""
     base = accuracy.section(material)
     if base is None:
         return None
@@ -50,28 +47,7 @@ def section(material: Material) -> Section | None:
         for grid in grids
     ]
     figure = _against_paper(material, done, paper)
-    blocks = [*named, *figure, *base.blocks[len(grids) :], *_agreement(material)]
-    return replace(base, blocks=blocks)
-
-
-def _agreement(material: Material) -> list[Block]:
-    """Returns a table of Spearman's rank correlation of this benchmark's AP with the paper's AP."""
-    rows = material.results.table("paper")
-    if rows.empty:
-        return []
-    columns: Columns = {
-        "Scene": lambda row: str(row.scene),
-        "Experiments": lambda row: number(float(row.experiments), "g"),
-        "Rank correlation": lambda row: number(float(row.rank_correlation), ".2f"),
-        "Mean difference": lambda row: number(float(row.mean_difference), "+.1f"),
-    }
-    caption = (
-        "Agreement with the paper's AP under preset paper. The rank correlation is Spearman's, "
-        "over the experiments that the paper also has. The mean difference is the AP (R40) of "
-        "this benchmark minus the paper's."
-    )
-    source = TableFile(material.results.file("paper"), rows)
-    return [table_of(caption, rows, columns, source)]
+    return replace(base, blocks=[*named, *figure, *base.blocks[len(grids) :]])
 
 
 def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> list[Block]:

@@ -3,21 +3,6 @@
 from pyinfra.experiments.result_tables import FINITE, SHARE, kind
 
 TABLES = {
-    "claims": kind("scanning_claims.csv", "claim preset statement verdict", "value low high"),
-    "ap_claims": kind(
-        "{tier}_claims.csv",
-        "scene preset claim statement verdict",
-        "value low high",
-        "scene preset claim statement",
-    ),
-    "paper": kind(
-        "{tier}_paper.csv",
-        "scene preset",
-        "experiments rank_correlation mean_difference",
-        "scene preset",
-        rank_correlation=(-1.0, 1.0),
-        mean_difference=(-100.0, 100.0),
-    ),
     "fidelity": kind(
         "fidelity.csv",
         "detail lidar distance_m",

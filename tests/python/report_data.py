@@ -94,23 +94,6 @@ def lidars() -> pd.DataFrame:
     )
 
 
-def claims() -> pd.DataFrame:
-    where = "common, 90 to 120 m, {} vehicles at 90.0 to 99.9 m"
-    text = "APV of livox_avia over the best of the others (here {}) is 1.5 to 2.5; "
-    rows = (
-        ("paper", "ruby_plus", 923, 1.487, 1.446, 1.535, "undecided"),
-        ("equal", "pandar_64", 2847, 0.84, 0.83, 0.86, "fails"),
-        ("datasheet", "ruby_plus", 2847, 2.0, 1.9, 2.1, "holds"),
-    )
-    return pd.DataFrame(
-        [
-            {"claim": "far-range", "preset": preset, "statement": (text + where).format(best, n)}
-            | {"value": v, "low": low, "high": high, "verdict": verdict}
-            for preset, best, n, v, low, high, verdict in rows
-        ]
-    )
-
-
 def stress() -> pd.DataFrame:
     key = {"detector": "pointpillars", "lidar": "ruby_plus", "scene": "highway", "seed": 1}
     key |= {"run": "a", "preset": "paper", "frames": 36}
@@ -246,8 +229,6 @@ def tables() -> dict[str, pd.DataFrame]:
 def study_tables() -> dict[str, pd.DataFrame]:
     """Returns all tables, including those that only the study has."""
     return tables() | {
-        "scanning_claims.csv": claims(),
-        "quick_claims.csv": claims().assign(claim="comparable", scene="highway"),
         "fidelity.csv": fidelity(),
         "aggregation.csv": aggregation(),
         "ladder.csv": ladder(),

@@ -14,7 +14,7 @@ from pyinfra.formats.csv_table import read_csv
 from reproduction.report import TABLES as STUDY
 
 RESULTS = Path(__file__).resolve().parents[2] / "results"
-TABLES = ("quick", "quick_areas", "quick_distance", "quick_value", "lidars", "quick_claims")
+TABLES = ("quick", "quick_areas", "quick_distance", "quick_value", "lidars")
 
 
 @pytest.fixture
@@ -74,7 +74,7 @@ def test_a_row_that_comes_twice_is_an_error(table: str, folder: Path) -> None:
 
 def test_all_tables_of_the_project_are_in_range() -> None:
     results = read_results(RESULTS, more=STUDY)
-    names = ("lidars", "claims", "fidelity", "aggregation", "ladder", "beam", "speed")
+    names = ("lidars", "fidelity", "aggregation", "ladder", "beam", "speed")
     assert all(len(results.table(name)) for name in names)
 
 

@@ -12,7 +12,6 @@ from pyinfra.cli import main
 from pyinfra.viz.report.report_data import Material, read_material
 from reproduction.paper_tables import paper_ap
 from reproduction.report import TABLES, ladder
-from reproduction.report.claims import common_statement
 from reproduction.report.fidelity import section as fidelity_section
 
 
@@ -31,7 +30,7 @@ def read(folder: Path) -> Material:
 def custom_site(folder: Path) -> Path:
     """Writes the tables of a benchmark of a site that is not in the paper."""
     names = ("quick.csv", "quick_areas.csv", "quick_distance.csv", "quick_hits.csv")
-    more = ("quick_value.csv", "lidars.csv", "quick_claims.csv")
+    more = ("quick_value.csv", "lidars.csv")
     every = report_data.study_tables()
     return report_data.write(
         folder, {name: every[name].replace("highway", "bridge") for name in (*names, *more)}
@@ -45,11 +44,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return report(report_data.write(folder, report_data.study_tables()))
 
 
-def test_claims_follow_the_answer(whole: Path) -> None:
-    text = Read(whole).text
-    assert text.index("Highest AP of the vehicles it captures") < text.index("undecided 1.49")
-
-
 def test_nothing_that_is_missing_is_shown_as_nan(whole: Path) -> None:
     assert not re.search(r"\bnan\b|\bNone\b", Read(whole).text)
 
@@ -60,7 +54,7 @@ def test_links_lead_somewhere_and_ids_are_unique(whole: Path) -> None:
     assert {link[1:] for link in page.links if link.startswith("#")} <= set(page.ids)
 
 
-@pytest.mark.parametrize("name", list(report_data.study_tables())[-5:])
+@pytest.mark.parametrize("name", list(report_data.study_tables())[-3:])
 def test_one_table_alone_makes_a_page(name: str, tmp_path: Path) -> None:
     tables = {name: report_data.study_tables()[name]}
     page = Read(report(report_data.write(tmp_path / "results", tables)))
@@ -82,13 +76,6 @@ def test_hits_stand_beside_the_papers(whole: Path) -> None:
 def test_what_the_paper_shows_and_this_page_does_not_is_named(tmp_path: Path) -> None:
     results = report_data.write(tmp_path / "results", {"quick.csv": report_data.experiments()})
     assert "Figure: scanning patterns not here: needs a data set" in Read(report(results)).text
-
-
-def test_a_claim_is_one_row_whatever_its_counts() -> None:
-    statements = set(report_data.claims().statement)
-    assert len(statements) == 3
-    (one,) = {common_statement(statement) for statement in statements}
-    assert one == "APV of livox_avia over the best of the others is 1.5 to 2.5; common, 90 to 120 m"
 
 
 def test_the_coarsest_model_that_changes_nothing_is_recommended(tmp_path: Path) -> None:
@@ -172,7 +159,7 @@ def test_the_papers_ap_is_complete() -> None:
 @pytest.mark.nightly
 def test_the_report_of_an_own_site_has_nothing_of_the_paper(tmp_path: Path) -> None:
     page = Read(report(custom_site(tmp_path / "results")))
-    assert not {"claims", "figure-hits"} & set(page.ids)
+    assert "figure-hits" not in page.ids
     assert {"hits", "methods"} <= set(page.ids)
     assert "the paper" not in page.text
 
@@ -187,4 +174,4 @@ def test_scenes_of_the_paper_beside_an_own_site_keep_their_cards(tmp_path: Path)
             both.to_csv(results / name, index=False)
     text = Read(report(results)).text
     assert text.index("Bridge, preset paper") < text.index("Highest AP of the vehicles it captures")
-    assert {"claims", "figure-hits"} <= set(Read(results.parent / "report.html").ids)
+    assert "figure-hits" in set(Read(results.parent / "report.html").ids)
