@@ -24,8 +24,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.patches import Rectangle
 
-from reproduction.commands.ladder import parts_of
-from reproduction.report.ladder import SETTINGS
+from reproduction.commands.ladder import SETTINGS, parts_of
 
 VERSION = 1  # version of the results; increase it if a change alters the results
 
