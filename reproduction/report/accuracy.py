@@ -9,18 +9,13 @@ import pandas as pd
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics.row_selection import AP_R40
 from pyinfra.viz.report import svg
-from pyinfra.viz.report.blocks import (
-    Block,
-    Figure,
-    LegendEntry,
-    Panel,
-    Section,
-)
+from pyinfra.viz.report.blocks import Block, Figure, LegendEntry, Section
 from pyinfra.viz.report.names import detector
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections import accuracy
-from pyinfra.viz.report.style import FAINT, drawing, panel
+from pyinfra.viz.report.style import FAINT
 from reproduction.paper_tables import paper_ap
+from reproduction.report.hits import versus
 
 PAPER_DETECTORS = {"pointrcnn": "o", "pointpillars": "s", "pv-rcnn": "^", "dsvt": "D"}
 KEY = ["scene", "lidar", "detector"]
@@ -58,13 +53,33 @@ def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> 
         return []
     columns = [*KEY, "preset", "seed", "ap", "ap_low", "ap_high", "paper_ap", "origin"]
     source = TableFile("report_ap_against_paper.csv", rows[columns])
-    panels = [_versus(material, group) for _, group in rows.groupby("scene", sort=False)]
-    lidars = material.names.sorted(rows.lidar)
-    legend = [
-        LegendEntry(
-            material.names.label(x), svg.line_swatch(material.names.look(x).colour, "none", "o")
+    names = material.names
+    colours = {lidar: names.look(lidar).colour for lidar in names.sorted(rows.lidar)}
+
+    def point(ax: Any, row: Any) -> None:
+        ends = np.array([[row.ap - row.ap_low], [row.ap_high - row.ap]], dtype=np.float64)
+        marker = PAPER_DETECTORS.get(row.detector, "x")
+        bars = np.nan_to_num(ends).clip(min=0)
+        ax.errorbar(row.paper_ap, row.ap, bars, color=colours[row.lidar], marker=marker)
+
+    panels = [
+        versus(
+            str(scene),
+            group,
+            point,
+            (0, 100),
+            "versus",
+            f"AP of this benchmark against the paper's, {scene}, {len(group)} pairs",
+            xlim=(0, 100),
+            ylim=(0, 100),
+            xlabel=f"{AP_R40}, paper",
+            ylabel=f"{AP_R40}, this benchmark",
         )
-        for x in lidars
+        for scene, group in rows.groupby("scene", sort=False)
+    ]
+    legend = [
+        LegendEntry(names.label(lidar), svg.line_swatch(colour, "none", "o"))
+        for lidar, colour in colours.items()
     ]
     legend += [
         LegendEntry(detector(d), svg.line_swatch(FAINT, "none", marker))
@@ -76,25 +91,3 @@ def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> 
         f"{AP_R40}. On the line, both values are equal."
     )
     return [Figure("figure-ap-paper", caption, panels, source, legend)]
-
-
-def _versus(material: Material, rows: pd.DataFrame) -> Panel:
-    scene = str(rows.scene.iloc[0])
-    with drawing():
-        figure, ax = panel()
-        ax.plot([0, 100], [0, 100], color=FAINT, linewidth=0.8)
-        for row in rows.itertuples():
-            ends = np.array([[row.ap - row.ap_low], [row.ap_high - row.ap]], dtype=np.float64)
-            style: dict[str, Any] = {
-                "color": material.names.look(str(row.lidar)).colour,
-                "marker": PAPER_DETECTORS.get(str(row.detector), "x"),
-            }
-            ax.errorbar(row.paper_ap, row.ap, np.nan_to_num(ends).clip(min=0), **style)
-        ax.set(
-            xlim=(0, 100),
-            ylim=(0, 100),
-            xlabel=f"{AP_R40}, paper",
-            ylabel=f"{AP_R40}, this benchmark",
-        )
-        label = f"AP of this benchmark against the paper's, {scene}, {len(rows)} pairs"
-        return Panel(scene, svg.inline(figure, svg.identifier("versus", scene), label))
