@@ -268,7 +268,7 @@ STEPS = (
     ),
     Step(("people.csv",), (Command("people", 0.01, TRIAL, out="people.csv"),)),
     Step(
-        ("fidelity.csv", "aggregation.csv", "beam.csv"),
+        ("fidelity.csv", "aggregation.csv"),
         (Command("fidelity", 0.06, TRIAL, out="."),),
     ),
     Step(

@@ -67,16 +67,6 @@ class Bootstrapped:
             self.value - other.value, self.replicates - other.replicates, self.blocks
         )
 
-    def times(self, factor: float) -> Bootstrapped:
-        return Bootstrapped(self.value * factor, self.replicates * factor, self.blocks)
-
-    def over(self, other: Bootstrapped) -> Bootstrapped:
-        """Returns this figure divided by another figure with replicates of the same blocks."""
-        above = np.append(self.replicates, self.value)
-        below = np.append(other.replicates, other.value)
-        *replicates, value = intervals.ratio(above, below)
-        return Bootstrapped(float(value), np.array(replicates), self.blocks)
-
     def measured(self) -> Interval:
         low, high = intervals.interval(np.array(self.value), self.replicates, self.blocks)
         return Interval(self.value, float(low), float(high))

@@ -1,18 +1,16 @@
-"""Measures the effect of cheaper scene models: detail, aggregation, beam width, vehicle parts.
+"""Measures the effect of cheaper scene models: detail, aggregation, vehicle parts.
 
-The command writes fidelity.csv, aggregation.csv, beam.csv, fidelity_parts.csv and a picture to out:
+The command writes fidelity.csv, aggregation.csv, fidelity_parts.csv and a picture to out:
 
     python -m reproduction fidelity
 """
 
-import tempfile
 import time
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 import pandas as pd
-import yaml
 
 from pyinfra.core.vocabulary import KM_H
 from pyinfra.dataset import simulation
@@ -24,13 +22,11 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 from matplotlib.patches import Rectangle
 
-from reproduction.commands.ladder import parts_of
-from reproduction.report.ladder import SETTINGS
+from reproduction.commands.ladder import SETTINGS, parts_of
 
 VERSION = 1  # version of the results; increase it if a change alters the results
 
 LIDARS = ["livox_avia", "helios_16", "pandar_64", "ruby_plus"]
-PASSES = 5
 DETAILS: dict[str, dict[str, object]]
 DETAILS = {value: {"detail": value} for value in ("fine", "box", "low", "mid")}
 PART_MODELS: dict[str, dict[str, object]]
@@ -39,19 +35,16 @@ BINS = [10, 20, 40, 60, 80, 100]
 
 
 def objects(world: simulation.World, lidars: list[simulation.Lidar], frames: range) -> pd.DataFrame:
-    """Returns a row for each vehicle, frame and LiDAR.
-
-    Column `seconds` is the time that the simulation of the frame took.
-    """
+    """Returns a row for each vehicle, frame and LiDAR."""
     rows = []
     for number, per_lidar in simulation.simulate(world, lidars, frames):
         for lidar, frame in zip(lidars, per_lidar, strict=True):
             table = pd.DataFrame(frame.objects)
-            rows.append(table.assign(frame=number, lidar=lidar.name, seconds=frame.seconds))
+            rows.append(table.assign(frame=number, lidar=lidar.name))
     return pd.concat(rows, ignore_index=True)
 
 
-def scene(name: str, preset: str = "datasheet", **overrides: object) -> simulation.World:
+def scene(name: str, preset: str, **overrides: object) -> simulation.World:
     return simulation.load_scene(scene_file(name), preset=preset, set=overrides)
 
 
@@ -77,13 +70,10 @@ def points_ladder(
     """
     first = next(iter(models))
     lidars = [simulation.load_lidar(lidar_file(n), preset) for n in LIDARS]
-    means: dict[str, pd.Series] = {}
-    seconds: dict[str, pd.Series] = {}  # minimum over the passes of the mean time per frame
-    for value in [*models] * PASSES:
-        table = objects(scene("highway", preset, **models[value]), lidars, frames)
-        means[value] = by_distance(seen(table))
-        now = table.groupby("lidar").seconds.mean()
-        seconds[value] = np.minimum(now, seconds.get(value, now))
+    means = {
+        value: by_distance(seen(objects(scene("highway", preset, **keys), lidars, frames)))
+        for value, keys in models.items()
+    }
     rows = []
     for model, mean in means.items():
         for (lidar, interval), value in mean.items():
@@ -94,7 +84,6 @@ def points_ladder(
                     "distance_m": f"{interval.left:.0f}-{interval.right:.0f}",
                     "points_per_vehicle": round(value, 3),
                     "change_percent": round(100 * (value / means[first][lidar, interval] - 1), 2),
-                    "relative_time": round(seconds[model][lidar] / seconds[first][lidar], 3),
                 }
             )
     return pd.DataFrame(rows)
@@ -122,38 +111,6 @@ def aggregation_table(frames: range, preset: str) -> pd.DataFrame:
                 }
             )
     return pd.DataFrame(rows)
-
-
-def beam_table(frames: range) -> pd.DataFrame:
-    """Compares three models of the Avia's beam by points per vehicle.
-
-    The beam is one ray, or it has 0.28 x 0.03 degrees and consists of up to 7 or of 19 sub-rays.
-    """
-    text = yaml.safe_load(lidar_file("livox_avia").read_text())
-    lidars = []
-    with tempfile.TemporaryDirectory() as folder:
-        for sub_rays, across in ((1, 1), (7, 3), (19, 5)):
-            returns = text["presets"]["datasheet"]["returns"]
-            returns.pop("beam", None)
-            if sub_rays > 1:
-                returns["beam"] = {
-                    "vertical_deg": 0.28,
-                    "horizontal_deg": 0.03,
-                    "sub_rays": across,
-                }
-            text["name"] = f"avia_{sub_rays}_rays"
-            file = Path(folder) / f"{sub_rays}.yaml"
-            file.write_text(yaml.safe_dump(text))
-            lidars.append(simulation.load_lidar(file, "datasheet"))
-    table = objects(scene("highway"), lidars, frames)
-    inside = table[(table.visibility >= 0.2) & (np.arctan2(table.y, table.x).abs() < 0.57)]
-    groups = inside.groupby(["lidar", pd.cut(inside.distance, BINS)], observed=True)
-    out = groups.agg(
-        vehicles=("points", "size"),
-        points_per_vehicle=("points", "mean"),
-        in_box=("points_in_box", "mean"),
-    ).round(3)
-    return out.reset_index()
 
 
 def aggregation_picture(file: Path, number: int = 300) -> None:
@@ -197,7 +154,6 @@ def main(*, frames: int = 100, out: Out = Path()) -> None:
         ("fidelity", points_ladder("detail", DETAILS, numbers, "equal")),
         ("fidelity_parts", points_ladder("parts", PART_MODELS, numbers, "datasheet")),
         ("aggregation", aggregation_table(numbers, "equal")),
-        ("beam", beam_table(numbers)),
     ):
         print(f"\n{name}\n{table.to_string(index=False)}")
         table.assign(seed=1, **made_by).to_csv(out / f"{name}.csv", index=False)

@@ -29,12 +29,20 @@ from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
-from reproduction.report.ladder import SETTINGS
 from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
 VERSION = 1  # version of the results; increase it if a change alters the results
 
+# The values of each setting from cheap to expensive. The last value is the reference.
+SETTINGS = {
+    "detail": ("box", "low", "mid", "fine"),
+    "aggregation": ("instant", "slices:100", "exact"),
+    "parts": ("none", "glass", "gap", "coat", "tyres", "reflectors", "glass+gap+coat", "all"),
+    "vegetation": ("none", "scene"),
+    "label_time": ("frame", "scan"),
+    "frames": ("50", "100", "200", "500", "1000"),
+}
 LIDARS = ["ruby_plus", "livox_avia", "pandar_64", "helios_16"]
 DEFAULT = {
     "detail": "low",

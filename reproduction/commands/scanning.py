@@ -8,7 +8,6 @@ the seeds, with Student's 95 % interval over the seeds. It writes results/scanni
     python -m reproduction scanning --work data/scanning --out results/scanning_claims.csv
 """
 
-import re
 import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -55,16 +54,13 @@ def rows_of_seed(
 def over_seeds(per_seed: Sequence[Sequence[Row]]) -> Iterator[Row]:
     """Yields each claim with its mean and interval over the seeds.
 
-    Numbers of vehicles, which differ between seeds, are left out of the statements. A claim whose
-    case occurs with one of the seeds has the rule of that seed.
+    A claim whose case occurs with one of the seeds has the rule of that seed.
     """
     for rows in zip(*per_seed, strict=True):
         mean = over_replicates([row.value for row in rows])
-        text, where = re.sub(r" \([^)]*\)", "", rows[0].statement).rsplit("; ", 1)
-        statement = f"{text}; {', '.join(where.split(', ')[:2])}"
         ends = {"value": mean.value, "low": mean.low, "high": mean.high}
         rule = next((row.rule for row in rows if row.rule is not never), never)
-        yield replace(rows[0], statement=statement, rule=rule, **ends)
+        yield replace(rows[0], rule=rule, **ends)
 
 
 @command

@@ -2,10 +2,7 @@
 
 from pyinfra.viz.report import contents, sections
 from pyinfra.viz.report.contents import Maker
-from reproduction.report import accuracy, claims, fidelity, hits, methods
-from reproduction.report.tables import TABLES
-
-__all__ = ["SECTIONS", "TABLES"]
+from reproduction.report import accuracy, hits, methods
 
 # Maps a section of pyinfra's report to the study's version of the section.
 _OF_THE_STUDY: dict[Maker, Maker] = {
@@ -15,5 +12,3 @@ _OF_THE_STUDY: dict[Maker, Maker] = {
 }
 
 SECTIONS = [_OF_THE_STUDY.get(maker, maker) for maker in contents.SECTIONS]
-SECTIONS.insert(SECTIONS.index(sections.answer.section) + 1, claims.section)
-SECTIONS.insert(SECTIONS.index(sections.pictures.section), fidelity.section)

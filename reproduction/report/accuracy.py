@@ -9,21 +9,13 @@ import pandas as pd
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics.row_selection import AP_R40
 from pyinfra.viz.report import svg
-from pyinfra.viz.report.blocks import (
-    Block,
-    Columns,
-    Figure,
-    LegendEntry,
-    Panel,
-    Section,
-    number,
-    table_of,
-)
+from pyinfra.viz.report.blocks import Block, Figure, LegendEntry, Section
 from pyinfra.viz.report.names import detector
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections import accuracy
-from pyinfra.viz.report.style import FAINT, drawing, panel
+from pyinfra.viz.report.style import FAINT
 from reproduction.paper_tables import paper_ap
+from reproduction.report.hits import versus
 
 PAPER_DETECTORS = {"pointrcnn": "o", "pointpillars": "s", "pv-rcnn": "^", "dsvt": "D"}
 KEY = ["scene", "lidar", "detector"]
@@ -31,7 +23,7 @@ BELOW = f" Below each value: its 95 % interval, {AP_R40} and the paper's {AP_R40
 
 
 def section(material: Material) -> Section | None:
-    """Adds the paper's AP to pyinfra's section, with a figure and the rank correlation."""
+    """Adds the paper's AP to pyinfra's section, with a figure."""
     base = accuracy.section(material)
     if base is None:
         return None
@@ -50,28 +42,7 @@ def section(material: Material) -> Section | None:
         for grid in grids
     ]
     figure = _against_paper(material, done, paper)
-    blocks = [*named, *figure, *base.blocks[len(grids) :], *_agreement(material)]
-    return replace(base, blocks=blocks)
-
-
-def _agreement(material: Material) -> list[Block]:
-    """Returns a table of Spearman's rank correlation of this benchmark's AP with the paper's AP."""
-    rows = material.results.table("paper")
-    if rows.empty:
-        return []
-    columns: Columns = {
-        "Scene": lambda row: str(row.scene),
-        "Experiments": lambda row: number(float(row.experiments), "g"),
-        "Rank correlation": lambda row: number(float(row.rank_correlation), ".2f"),
-        "Mean difference": lambda row: number(float(row.mean_difference), "+.1f"),
-    }
-    caption = (
-        "Agreement with the paper's AP under preset paper. The rank correlation is Spearman's, "
-        "over the experiments that the paper also has. The mean difference is the AP (R40) of "
-        "this benchmark minus the paper's."
-    )
-    source = TableFile(material.results.file("paper"), rows)
-    return [table_of(caption, rows, columns, source)]
+    return replace(base, blocks=[*named, *figure, *base.blocks[len(grids) :]])
 
 
 def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> list[Block]:
@@ -82,13 +53,33 @@ def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> 
         return []
     columns = [*KEY, "preset", "seed", "ap", "ap_low", "ap_high", "paper_ap", "origin"]
     source = TableFile("report_ap_against_paper.csv", rows[columns])
-    panels = [_versus(material, group) for _, group in rows.groupby("scene", sort=False)]
-    lidars = material.names.sorted(rows.lidar)
-    legend = [
-        LegendEntry(
-            material.names.label(x), svg.line_swatch(material.names.look(x).colour, "none", "o")
+    names = material.names
+    colours = {lidar: names.look(lidar).colour for lidar in names.sorted(rows.lidar)}
+
+    def point(ax: Any, row: Any) -> None:
+        ends = np.array([[row.ap - row.ap_low], [row.ap_high - row.ap]], dtype=np.float64)
+        marker = PAPER_DETECTORS.get(row.detector, "x")
+        bars = np.nan_to_num(ends).clip(min=0)
+        ax.errorbar(row.paper_ap, row.ap, bars, color=colours[row.lidar], marker=marker)
+
+    panels = [
+        versus(
+            str(scene),
+            group,
+            point,
+            (0, 100),
+            "versus",
+            f"AP of this benchmark against the paper's, {scene}, {len(group)} pairs",
+            xlim=(0, 100),
+            ylim=(0, 100),
+            xlabel=f"{AP_R40}, paper",
+            ylabel=f"{AP_R40}, this benchmark",
         )
-        for x in lidars
+        for scene, group in rows.groupby("scene", sort=False)
+    ]
+    legend = [
+        LegendEntry(names.label(lidar), svg.line_swatch(colour, "none", "o"))
+        for lidar, colour in colours.items()
     ]
     legend += [
         LegendEntry(detector(d), svg.line_swatch(FAINT, "none", marker))
@@ -100,25 +91,3 @@ def _against_paper(material: Material, done: pd.DataFrame, paper: pd.Series) -> 
         f"{AP_R40}. On the line, both values are equal."
     )
     return [Figure("figure-ap-paper", caption, panels, source, legend)]
-
-
-def _versus(material: Material, rows: pd.DataFrame) -> Panel:
-    scene = str(rows.scene.iloc[0])
-    with drawing():
-        figure, ax = panel()
-        ax.plot([0, 100], [0, 100], color=FAINT, linewidth=0.8)
-        for row in rows.itertuples():
-            ends = np.array([[row.ap - row.ap_low], [row.ap_high - row.ap]], dtype=np.float64)
-            style: dict[str, Any] = {
-                "color": material.names.look(str(row.lidar)).colour,
-                "marker": PAPER_DETECTORS.get(str(row.detector), "x"),
-            }
-            ax.errorbar(row.paper_ap, row.ap, np.nan_to_num(ends).clip(min=0), **style)
-        ax.set(
-            xlim=(0, 100),
-            ylim=(0, 100),
-            xlabel=f"{AP_R40}, paper",
-            ylabel=f"{AP_R40}, this benchmark",
-        )
-        label = f"AP of this benchmark against the paper's, {scene}, {len(rows)} pairs"
-        return Panel(scene, svg.inline(figure, svg.identifier("versus", scene), label))

@@ -1,5 +1,6 @@
 """Makes the report's section on hit points per frame, with the paper's values."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -74,9 +75,30 @@ def _lead(rows: pd.DataFrame) -> str:
 
 def _figure(material: Material, rows: pd.DataFrame, source: TableFile) -> Figure:
     """Returns a figure of simulated hit points against the paper's, with a panel per scene."""
-    panels = [_panel(material, group) for _, group in rows.groupby("scene", sort=False)]
-    lidars = material.names.sorted(rows.lidar)
-    legend = [LegendEntry(material.names.label(x), _swatch(material, x)) for x in lidars]
+    looks = {lidar: material.names.look(lidar) for lidar in material.names.sorted(rows.lidar)}
+
+    def point(ax: Any, row: Any) -> None:
+        ax.plot(row.paper_hits, row.hits_per_frame, **looks[row.lidar].style())
+
+    panels = [
+        versus(
+            str(scene),
+            group,
+            point,
+            (0.8 * group.paper_hits.min(), 1.25 * group.paper_hits.max()),
+            "hits",
+            f"Points per frame, simulated against the paper's, {scene}",
+            xscale="log",
+            yscale="log",
+            xlabel="points per frame, paper",
+            ylabel="points per frame, simulated",
+        )
+        for scene, group in rows.groupby("scene", sort=False)
+    ]
+    legend = [
+        LegendEntry(material.names.label(lidar), svg.line_swatch(look.colour, "none", look.marker))
+        for lidar, look in looks.items()
+    ]
     caption = (
         "Points per frame, simulated (preset paper) against the paper's. On the line, both "
         "values are equal."
@@ -84,27 +106,31 @@ def _figure(material: Material, rows: pd.DataFrame, source: TableFile) -> Figure
     return Figure("figure-hits", caption, panels, source, legend)
 
 
-def _swatch(material: Material, lidar: str) -> str:
-    look = material.names.look(lidar)
-    return svg.line_swatch(look.colour, "none", look.marker)
+def versus(
+    scene: str,
+    rows: pd.DataFrame,
+    point: Callable[[Any, Any], None],
+    ends: tuple[float, float],
+    name: str,
+    label: str,
+    **axes: Any,
+) -> Panel:
+    """Returns a drawing of the values of one scene against the paper's.
 
-
-def _panel(material: Material, rows: pd.DataFrame) -> Panel:
-    scene = str(rows.scene.iloc[0])
+    Parameters
+    ----------
+    point : draws a row on the axes
+    ends : ends of the line on which both values are equal
+    name : start of the drawing's id
+    axes : properties of the axes
+    """
     with drawing():
         figure, ax = panel()
-        ends = (0.8 * rows.paper_hits.min(), 1.25 * rows.paper_hits.max())
         ax.plot(ends, ends, color=FAINT, linewidth=0.8)
         for row in rows.itertuples():
-            style: dict[str, Any] = material.names.look(str(row.lidar)).style()
-            ax.plot(row.paper_hits, row.hits_per_frame, **style)
-        ax.set(
-            xscale="log",
-            yscale="log",
-            xlabel="points per frame, paper",
-            ylabel="points per frame, simulated",
-        )
-        log_ticks(ax.xaxis)
-        log_ticks(ax.yaxis)
-        label = f"Points per frame, simulated against the paper's, {scene}"
-        return Panel(scene, svg.inline(figure, svg.identifier("hits", scene), label))
+            point(ax, row)
+        ax.set(**axes)
+        if ax.get_xscale() == "log":
+            log_ticks(ax.xaxis)
+            log_ticks(ax.yaxis)
+        return Panel(scene, svg.inline(figure, svg.identifier(name, scene), label))

@@ -2,15 +2,14 @@
 
 from dataclasses import replace
 
+from pyinfra.dataset.catalogue import SCENES
 from pyinfra.viz.report.blocks import Entry, Index, Section
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections import methods
-from reproduction.report.scenes import are_of_the_paper
 
 LEAD = (
-    "The definitions and rules are in docs/conventions.md of the project. The rules of the claims "
-    "about scanning were written before the run. The rules of the claims about detection were "
-    "written before all experiments were measured. All data are simulated, with one pole per scene."
+    "The definitions and rules are in docs/conventions.md of the project. All data are simulated, "
+    "with one pole per scene."
 )
 # Each entry has the paper's figure or table, the start of its anchor in the report, and the input
 # that it requires.
@@ -44,9 +43,13 @@ ENTRIES = (
 
 
 def section(material: Material) -> Section:
-    """Adds the index of the paper's figures to pyinfra's section, before the provenance."""
+    """Adds the index of the paper's figures to pyinfra's section, before the provenance.
+
+    The index is left out if the results name scenes, and none of them is in the paper.
+    """
     base = methods.section(material)
-    if not are_of_the_paper(material):
+    names = material.scenes()
+    if names and not any(scene in SCENES for scene in names):
         return base
     *blocks, provenance = base.blocks
     index = Index(("In the paper", "On this page"), ENTRIES)

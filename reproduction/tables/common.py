@@ -9,11 +9,11 @@ from typing import Any
 
 import pandas as pd
 
-from pyinfra.metrics.comparison import Interval
+from pyinfra.metrics.comparison import Interval, over_replicates
 from reproduction import ROOT
 from reproduction.frames_number import common_number, number_of, sentence
-from reproduction.report.ladder import interval
 
+LEAST_SEEDS = 3  # minimum number of seeds or replicates from which an interval is shown
 LEAST_BOXES = 10  # minimum number of boxes from which a site's precision is computed
 DETECTORS = {
     "background": "Background",
@@ -108,6 +108,13 @@ def with_interval(value: float, low: float, high: float) -> str:
         return f"{value:g}"
     digits = 1 if abs(value) >= 10 else 3
     return f"{value:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+
+
+def interval(values: pd.Series) -> Interval:
+    """Returns the mean over seeds with its 95 % interval; NaN as ends if there are too few."""
+    known = values.dropna().to_list()
+    mean = over_replicates(known)
+    return mean if len(known) >= LEAST_SEEDS else Interval(mean.value, math.nan, math.nan)
 
 
 def mean_of_ap(values: pd.Series) -> str:

@@ -2,8 +2,7 @@
 
 import pandas as pd
 
-from reproduction.report.ladder import interval
-from reproduction.tables.common import markdown, results
+from reproduction.tables.common import interval, markdown, results
 from reproduction.tables.rungs import BANDS, LEAST_POINTS
 
 PRODUCTS = {

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pandas as pd
 
 from pyinfra.metrics.comparison import Interval
-from reproduction.report.ladder import interval
-from reproduction.tables.common import LIDARS, markdown, mean_of_ap, results, signed
+from reproduction.tables.common import LIDARS, interval, markdown, mean_of_ap, results, signed
 
 PERIOD_S = 0.1
 LABELS_AT = {"newest": ", label of the last frame", "middle": ", label of the middle frame"}

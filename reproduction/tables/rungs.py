@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import pandas as pd
 
 from pyinfra.metrics.comparison import Interval
-from reproduction.report.ladder import interval
 from reproduction.tables.common import (
     DETECTORS,
     LIDARS,
+    interval,
     markdown,
     mean_of_ap,
     results,

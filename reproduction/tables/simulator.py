@@ -3,8 +3,15 @@
 import pandas as pd
 
 from pyinfra.metrics.comparison import Interval
-from reproduction.report.ladder import by_seed, interval
-from reproduction.tables.common import LIDARS, markdown, mean_of_ap, of_rows, results, signed
+from reproduction.tables.common import (
+    LIDARS,
+    interval,
+    markdown,
+    mean_of_ap,
+    of_rows,
+    results,
+    signed,
+)
 
 MODEL = ["detail", "aggregation", "parts", "vegetation", "label_time", "frames"]
 
@@ -35,6 +42,11 @@ def growth() -> str:
     return markdown(
         ["scene", "CPU time per frame, ms", "CPU time of the start, s", "peak memory, MB"], rows
     )
+
+
+def by_seed(rows: pd.DataFrame) -> pd.DataFrame:
+    """Returns the AP of one model: one row per seed and one column per LiDAR."""
+    return rows.pivot(index="seed", columns="lidar", values="ap_r1000")
 
 
 def ladder(detector: str = "background", preset: str = "datasheet") -> str:

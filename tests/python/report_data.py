@@ -94,23 +94,6 @@ def lidars() -> pd.DataFrame:
     )
 
 
-def claims() -> pd.DataFrame:
-    where = "common, 90 to 120 m, {} vehicles at 90.0 to 99.9 m"
-    text = "APV of livox_avia over the best of the others (here {}) is 1.5 to 2.5; "
-    rows = (
-        ("paper", "ruby_plus", 923, 1.487, 1.446, 1.535, "undecided"),
-        ("equal", "pandar_64", 2847, 0.84, 0.83, 0.86, "fails"),
-        ("datasheet", "ruby_plus", 2847, 2.0, 1.9, 2.1, "holds"),
-    )
-    return pd.DataFrame(
-        [
-            {"claim": "far-range", "preset": preset, "statement": (text + where).format(best, n)}
-            | {"value": v, "low": low, "high": high, "verdict": verdict}
-            for preset, best, n, v, low, high, verdict in rows
-        ]
-    )
-
-
 def stress() -> pd.DataFrame:
     key = {"detector": "pointpillars", "lidar": "ruby_plus", "scene": "highway", "seed": 1}
     key |= {"run": "a", "preset": "paper", "frames": 36}
@@ -132,18 +115,6 @@ def stress() -> pd.DataFrame:
                 for name, severity, unit, ap in rows
             ]
         )
-    )
-
-
-def fidelity() -> pd.DataFrame:
-    rows = [("box", 12.0, 0.8), ("low", -0.5, 0.9), ("mid", 0.1, 0.95), ("fine", 0.0, 1.0)]
-    return pd.DataFrame(
-        [
-            {"detail": detail, "lidar": "ruby_plus", "distance_m": distance}
-            | {"points_per_vehicle": 10.0, "change_percent": change, "relative_time": time}
-            for detail, change, time in rows
-            for distance in ("20-40", "40-60")
-        ]
     )
 
 
@@ -170,43 +141,6 @@ def replicates(rows: pd.DataFrame, value: str, half: float) -> pd.DataFrame:
 def experiment_replicates() -> pd.DataFrame:
     done = experiments().dropna(subset="ap")[[*EXPERIMENT, "lidar", "detector", "ap"]]
     return replicates(done.assign(frames=180, label_time="frame"), "ap", 1.5).drop(columns="ap")
-
-
-def ladder() -> pd.DataFrame:
-    """Returns models of a scene with three seeds. With detail `box`, and with 50 frames, the order
-    of two LiDARs is reversed."""
-    usual = {"detail": "low", "aggregation": "exact", "frames": 1000}
-    models = [
-        ({}, 90.0, 80.0),
-        ({"detail": "box"}, 84.0, 84.5),
-        ({"detail": "mid"}, 90.2, 79.9),
-        ({"detail": "fine"}, 90.1, 80.1),
-        ({"aggregation": "instant"}, 90.3, 79.7),
-        ({"aggregation": "slices:100"}, 90.3, 79.7),
-        ({"frames": 500}, 90.4, 80.2),
-        ({"frames": 50}, 80.0, 80.2),
-    ]
-    table = pd.DataFrame(
-        [
-            {**usual, **model, "lidar": lidar, "seed": seed, "ap_r1000": ap + seed}
-            | {"vehicle_points_per_frame": 300.0, "ms_per_frame_set": 20.0}
-            for model, *pair in models
-            for lidar, ap in zip(("ruby_plus", "helios_16"), pair, strict=True)
-            for seed in (1, 2, 3)
-        ]
-    )
-    return table.assign(label_time="frame")
-
-
-def aggregation() -> pd.DataFrame:
-    rows = [("exact", 14.0, 13.9), ("slices:100", 14.0, 40.9), ("instant", 0.0, 15.0)]
-    return pd.DataFrame(
-        [
-            {"aggregation": name, "lidar": "ruby_plus", "points_per_vehicle": 449.6}
-            | {"outside_box_percent": outside, "ms_per_frame_set": ms}
-            for name, outside, ms in rows
-        ]
-    )
 
 
 def hits() -> pd.DataFrame:
@@ -240,17 +174,6 @@ def tables() -> dict[str, pd.DataFrame]:
         "lidars.csv": lidars(),
         "stress.csv": stress(),
         "stress_summary.csv": pd.DataFrame([{"detector": "pointpillars", "gentleness": 0.8}]),
-    }
-
-
-def study_tables() -> dict[str, pd.DataFrame]:
-    """Returns all tables, including those that only the study has."""
-    return tables() | {
-        "scanning_claims.csv": claims(),
-        "quick_claims.csv": claims().assign(claim="comparable", scene="highway"),
-        "fidelity.csv": fidelity(),
-        "aggregation.csv": aggregation(),
-        "ladder.csv": ladder(),
     }
 
 

@@ -344,7 +344,7 @@ assert not written, written
 
 def test_nothing_is_written_and_no_process_started(tmp_path: Path) -> None:
     pytest.importorskip("torch", reason="the extra `train` is not installed")
-    results = report_data.write(tmp_path / "results", report_data.study_tables())
+    results = report_data.write(tmp_path / "results", report_data.tables())
     command = [sys.executable, "-c", IN_MEMORY, str(results)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stderr

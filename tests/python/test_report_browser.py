@@ -22,7 +22,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Writes the page of all tables, without pictures."""
     folder = tmp_path_factory.mktemp("tables")
     out = folder / "report.html"
-    report_data.write(folder / "results", report_data.study_tables())
+    report_data.write(folder / "results", report_data.tables())
     assert main.main(["report", str(folder / "results"), "--out", str(out)]) == 0
     return out
 
@@ -39,7 +39,7 @@ def pictured(
         words = run_command(*LIDARS, frames="0:2", aggregation=way, out=folder / way)
         infrasim(*words, check=True)
     runs = [predictions(folder / "exact" / "livox_avia", folder, d) for d in ("pv-rcnn", "dsvt")]
-    report_data.write(folder / "results", report_data.study_tables())
+    report_data.write(folder / "results", report_data.tables())
     out = folder / "report.html"
     words = ["--data", folder / "exact", folder / "instant", "--runs", *runs, "--out", out]
     words += ["--sections", "reproduction.report"]

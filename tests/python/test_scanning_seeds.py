@@ -10,14 +10,14 @@ from reproduction.claims.scanning import ABOVE_0, Row, never, verdict
 from reproduction.commands import scanning
 
 
-def row(value: float, vehicles: int) -> Row:
-    text = f"APV of a over b (here c) is 1.5 to 2.5; common, 90 to 120 m, {vehicles} vehicles"
+def row(value: float) -> Row:
+    text = "APV of a over b is 1.5 to 2.5; common, 90 to 120 m"
     return Row("far-range", text, value, value, value, partial(verdict, inside=(1.5, 2.5)))
 
 
 def test_a_claim_over_seeds_has_students_interval_and_its_own_rule() -> None:
     values = (1.8, 2.0, 2.2)
-    (over,) = scanning.over_seeds([[row(v, int(100 * v))] for v in values])
+    (over,) = scanning.over_seeds([[row(v)] for v in values])
     half = stats.t.ppf(0.975, 2) * 0.2 / math.sqrt(3)
     assert (over.value, over.low, over.high) == pytest.approx((2.0, 2.0 - half, 2.0 + half))
     assert over.verdict == "holds"
@@ -38,7 +38,7 @@ def test_a_claim_fails_if_its_case_occurs_with_no_seed(
 
 
 def test_one_seed_decides_nothing() -> None:
-    (over,) = scanning.over_seeds([[row(2.0, 10)]])
+    (over,) = scanning.over_seeds([[row(2.0)]])
     assert (math.isnan(over.low), over.verdict) == (True, "undecided")
 
 
