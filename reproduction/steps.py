@@ -5,8 +5,6 @@ column (`train_cpu_s`, `cpu_s`, `detector_ms`), to which an estimate of simulati
 added, or a trial at a small size. A run replaces them by what it took (results/steps.csv).
 """
 
-from __future__ import annotations
-
 from reproduction.engine import Command, Step
 
 TRIAL = "trial at a small size"

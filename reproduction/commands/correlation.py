@@ -31,8 +31,6 @@ from reproduction.arguments import Out, Work, command
 from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 SCENES = ("highway", "crossroad")
 # The test part of 400 s is about four times as long as the wait at a signal.

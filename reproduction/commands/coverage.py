@@ -25,8 +25,6 @@ from pyinfra.metrics.comparison import Bootstrapped
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 SCENES = ("highway", "curve", "crossroad")
 SPANS_S = (90, 250, 500)
 RUN_S, APART_S = 500, 0.5

@@ -44,8 +44,6 @@ from reproduction.detectability.runs import (
     store,
 )
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 REPLICATES = 40  # number of fits on resampled sites, from which intervals are computed
 FEW_SITES = 40  # number of sites below which the fit is marked as a pilot
 MOST_OBJECT_ROWS = 400  # maximum number of objects of one run in the fit; more of them add little

@@ -38,8 +38,6 @@ from reproduction.arguments import Out, Work, command
 from reproduction.commands import frozen_sites
 from reproduction.commands.unseen import CLASSES, CUT, REPLICATES, Boxes, scored_boxes
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 FRAMES = 3  # number of frames per LiDAR
 VEHICLES, ANYWHERE, QUEUES = "vehicle", "vehicle, no region", "vehicle in a queue"
 # For each kind of object: the classes of boxes that may match, the metric and the threshold.

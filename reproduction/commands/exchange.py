@@ -32,8 +32,6 @@ from pyinfra.exchange.recording import Options
 from reproduction import ROOT, provenance
 from reproduction.arguments import Out, command
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 READ = [name for name in IMPORTS if name in ("kitti", *EXPORTS)]  # formats both written and read
 Row = dict[str, object]

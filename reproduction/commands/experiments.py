@@ -41,8 +41,6 @@ from reproduction.measures import rows_of_test
 from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 # The steps 11 and 47 share no factor with 200, the number of frames after which the Avia's pattern
 # repeats.
 TRAIN_FRAMES, TEST_FRAMES = "0:5000:11", "0:5000:47"

@@ -27,8 +27,6 @@ from matplotlib.patches import Rectangle
 from reproduction.commands.ladder import parts_of
 from reproduction.report.ladder import SETTINGS
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 LIDARS = ["livox_avia", "helios_16", "pandar_64", "ruby_plus"]
 PASSES = 5
 DETAILS: dict[str, dict[str, object]]

@@ -8,8 +8,6 @@ the frame numbers of each LiDAR. The files stay unchanged when the generator cha
 of a detector are therefore tested on the same frames. Training never uses the seeds of these sites.
 """
 
-from __future__ import annotations
-
 import csv
 import itertools
 import json

@@ -49,8 +49,6 @@ from reproduction.arguments import Out, Work, command
 from reproduction.commands.frozen_sites import HELD_OUT
 from reproduction.simulate import simulate
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 RECIPES = ROOT / "configs/detectors"
 FIRST_SITE = 2_000_000  # first seed of the sites; training and calibration used smaller seeds
 SCENES = ("highway", "crossroad", "curve")

@@ -29,8 +29,6 @@ from reproduction.measures import rows_of_test
 from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 SCENE, PRESET = "highway", "datasheet"
 LIDARS = ("livox_avia", "helios_16", "ruby_plus")
 SPEEDS_KM_H = (62, 20)  # mean speeds of the vehicles; 62 is that of the scene

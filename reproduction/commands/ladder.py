@@ -33,8 +33,6 @@ from reproduction.report.ladder import SETTINGS
 from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 LIDARS = ["ruby_plus", "livox_avia", "pandar_64", "helios_16"]
 DEFAULT = {
     "detail": "low",

@@ -14,8 +14,6 @@ The command writes two files:
   the test sites, by site, LiDAR and class, and the values that the scores predict.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 from collections.abc import Iterator, Mapping, Sequence

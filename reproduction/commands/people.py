@@ -22,8 +22,6 @@ from pyinfra.dataset.lidars import catalogue_files, presets_of
 from reproduction import provenance
 from reproduction.arguments import Out, command
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 SIZES = {"Pedestrian": (0.73, 0.67, 1.77), "Cyclist": (1.67, 0.70, 1.67)}  # as in core/classes.h
 SIDE_M = {"Pedestrian": 1.5, "Cyclist": -1.5}  # lateral offset from the line straight ahead
 WEAVE_M = 0.3  # lateral amplitude, so that scan columns hit at different positions

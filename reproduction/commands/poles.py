@@ -41,8 +41,6 @@ from reproduction.arguments import Out, Work, command
 from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 SCENE = "crossroad_poles"
 LIDARS = ("helios_16", "livox_avia", "ruby_plus", "pandar_64")
 AGAIN = "-again"  # suffix of Background if it learns from the test frames, which include the errors

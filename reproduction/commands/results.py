@@ -1,8 +1,8 @@
 """Makes the files of results/ that are out of date: `make results`.
 
 A file is up to date if results/steps.csv has the keys of all its parts. A key has the words of the
-command, the number of the simulator's frames, the version in the command's own file, the digest of
-the pretrained detector if the command uses it, and the files that the command reads.
+command, the number of the simulator's frames, the version of the command (`engine.VERSIONS`), the
+digest of the pretrained detector if the command uses it, and the files that the command reads.
 
     python -m reproduction results --list
     python -m reproduction results claims.csv people.csv --jobs 2

@@ -28,8 +28,6 @@ from reproduction.commands.rungs import FOUR, RUNGS, changed_file
 from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 FRAMES = "0:5000:20"
 DETECTORS = ("background", "pretrained")
 

@@ -26,8 +26,6 @@ from reproduction.arguments import Out, Work, command
 from reproduction.simulate import simulate
 from reproduction.train_detector import train_detector
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 SCENE, PRESET, FRAMES = "highway", "datasheet", "0:5000:11"
 TEST_FRAMES = 30
 LIDARS = ("ruby_plus", "livox_avia")

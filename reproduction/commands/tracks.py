@@ -32,8 +32,6 @@ from pyinfra.tracking.tracks import boxes_of, view_of
 from reproduction import ROOT, provenance
 from reproduction.arguments import Out, Work, command
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 SCENES = ("highway", "crossroad", "curve")
 LIDARS = ("ruby_plus", "pandar_64", "helios_16", "livox_avia")
 FRAMES = 600

@@ -42,8 +42,6 @@ from reproduction import provenance
 from reproduction.arguments import Out, command
 from reproduction.commands import frozen_sites
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 FINE = 1000  # number of recall levels of the AP
 REPLICATES = 1000
 CUT = 0.5  # smallest calibrated score of an unmatched box that counts as a false positive

@@ -1,7 +1,5 @@
 """Tables of detectors on the frozen test sites of frames 4."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pandas as pd
