@@ -242,6 +242,11 @@ def test_changed_code_is_refused(monkeypatch: pytest.MonkeyPatch, capsys) -> Non
     assert "people.csv" in capsys.readouterr().out
 
 
+def test_each_version_is_that_of_a_command() -> None:
+    names = {shlex.split(command.words)[0] for step in STEPS for command in step.commands}
+    assert engine.VERSIONS.keys() <= names
+
+
 def test_an_unknown_file_is_named() -> None:
     with pytest.raises(Error, match=r"got nothing\.csv"):
         list(engine.levels(STEPS, ["nothing.csv"]))
