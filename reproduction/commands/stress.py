@@ -23,8 +23,8 @@ from pyinfra.experiments.stress.runner import stress
 from pyinfra.formats.csv_table import read_csv
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
+from reproduction.measures import train_detector
 from reproduction.simulate import simulate
-from reproduction.train_detector import train_detector
 
 SCENE, PRESET, FRAMES = "highway", "datasheet", "0:5000:11"
 TEST_FRAMES = 30
