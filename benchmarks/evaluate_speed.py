@@ -31,8 +31,6 @@ from pyinfra.formats import kitti
 from pyinfra.metrics import matching
 from reproduction import add_out
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 ROOT = Path(__file__).resolve().parent.parent
 Row = tuple[str, float, str]
 OBJECTS, PREDICTIONS = 20, 30

@@ -26,8 +26,6 @@ from pyinfra.core.version import __version__, machine
 from pyinfra.dataset import simulation
 from reproduction import ROOT, add_out
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 BINARY = Path("build/dev/cpp/infrasim")
 LIDAR = "ruby_plus"  # LiDAR with 128 lines
 FEW, MANY = 10, 110  # numbers of frames; the difference of their times excludes the start-up

@@ -34,8 +34,6 @@ from pyinfra.core.version import __version__
 from pyinfra.models.ops import boxes, points, rulebooks, sparse
 from reproduction import add_out
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 GRID = (41, 1600, 1408)  # numbers of voxels (z, y, x) of 0.1 m by 0.05 m by 0.05 m, as in PV-RCNN
 Ways = dict[str, Callable[[], object]]
 

@@ -36,8 +36,6 @@ from pyinfra.core.version import __version__, machine
 from pyinfra.dataset import simulation
 from reproduction import add_out
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build" / "dev"
 BINARY = Path("build/dev/cpp/infrasim")  # path of infrasim in a checkout

@@ -47,7 +47,7 @@ def _parser_of(main: Callable[..., int | None]) -> argparse.ArgumentParser:
         option = parameter.kind is parameter.KEYWORD_ONLY
         keywords = _keywords(hints[name])
         if "recorded" in keywords:
-            add_out(parser, parameter.default.name, recorded=keywords["recorded"])
+            add_out(parser, parameter.default.name, f"--{name}", keywords["recorded"])
             continue
         if name in helps:
             keywords["help"] = " ".join(helps[name].split())

@@ -1,28 +1,77 @@
-"""Measures of a detector on the frames of one LiDAR, for each ground-truth subset."""
+"""Trains a detector on the frames of one LiDAR, as the study's commands do, and measures it."""
 
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray
-from pyinfra.core.vocabulary import SUBSETS
+from pyinfra.core.vocabulary import SUBSETS, Tier
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.roads import Places
 from pyinfra.dataset.windows import Near
 from pyinfra.formats import kitti
+from pyinfra.formats.csv_table import read_csv
 from pyinfra.metrics import ap
-from pyinfra.metrics.evaluate import match_results_of
+from pyinfra.metrics.evaluate import evaluated, match_results_of
 from pyinfra.metrics.evaluation_tables import area_table, distance_table
 from pyinfra.metrics.match_results import MatchResult, Part
 from pyinfra.metrics.ranges import sensor_of
 from pyinfra.metrics.settings import Settings
+from pyinfra.models.inference import detect
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.inference.folder import detect_folder, place
+from pyinfra.models.training.accumulation import Accumulation
+from pyinfra.models.training.recipe import read_recipe
+from pyinfra.models.training.sources import ONE_FRAME, read_source
+from pyinfra.models.training.train import train
+from reproduction import ROOT
 
 SPLIT_M = 60.0  # distance that separates the near and the far part of the region
 SETTINGS = Settings(ground_truths=SUBSETS)
+
+
+def train_detector(
+    detector: str,
+    folder: Path,
+    run: Path,
+    seed: int,
+    tier: Tier = "quick",
+    budget: float = 1.0,
+    accumulation: Accumulation = ONE_FRAME,
+) -> tuple[Path, float]:
+    """Trains a detector; returns the model's file, and the CPU seconds of the training.
+
+    budget: multiple of the tier's training steps. Background has no steps, so its CPU time is 0.
+    accumulation: which frames are stacked into one cloud. If frames are stacked, the age of points
+    is an input of the network.
+    """
+    recipe = read_recipe(ROOT / "configs/detectors" / f"{detector}.yaml", tier).for_budget(budget)
+    if accumulation.frames > 1:
+        recipe = replace(recipe, network=replace(recipe.network, age=True))
+    source = read_source(folder, tier, accumulation, recipe.classes)
+    file = train(recipe, [source], run, seed=seed, quiet=True)
+    log = run / "log.csv"
+    return file, float(read_csv(log).cpu_seconds.sum()) if log.is_file() else 0.0
+
+
+def detected(model: Path, folder: Path, run: Path) -> Path:
+    """Runs a model on the test frames of a LiDAR's folder; returns the folder of the boxes.
+
+    The boxes are written to the folder of a run.
+    """
+    files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
+    detect.detect(detect.detector_at(model, folder), files, run / "predictions")
+    return run / "predictions"
+
+
+def ap_of_captured(folder: Path, predictions: Path) -> Any:
+    """Returns the row of the evaluation of the vehicles that a LiDAR captures."""
+    settings = Settings(ground_truths=("captured",))
+    (row,) = evaluated(folder, predictions, settings).ap.itertuples()
+    return row
 
 
 @dataclass(frozen=True)

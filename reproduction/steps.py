@@ -5,8 +5,6 @@ column (`train_cpu_s`, `cpu_s`, `detector_ms`), to which an estimate of simulati
 added, or a trial at a small size. A run replaces them by what it took (results/steps.csv).
 """
 
-from __future__ import annotations
-
 from reproduction.engine import Command, Step
 
 TRIAL = "trial at a small size"
@@ -241,9 +239,8 @@ STEPS = (
                 "detector_goals generalist-3 generalist",
                 1.0,
                 ESTIMATE,
-                "detector_goals",
-                True,
-                "detector_goals.csv",
+                model=True,
+                out="detector_goals.csv",
             ),
         ),
     ),
@@ -304,7 +301,6 @@ STEPS = (
         ("onnx_files.csv",),
         (Command("onnx_files", 0.3, TRAINING, "onnx_files", True, "onnx_files.csv", alone=True),),
     ),
-    Step(("exchange.csv",), (Command("exchange", 0.05, TRIAL, out="exchange.csv", alone=True),)),
     Step(
         ("speed.csv",),
         (Command("benchmarks/run.py", 0.1, ESTIMATE, out="speed.csv", alone=True),),

@@ -36,7 +36,6 @@ TOYS = {
     "tracks.csv": "tracks FRAMES=20 TIMED=2 --scenes highway --lidars helios_16 --seeds 1",
     "fidelity.csv": "fidelity --frames 2",
     "latency.csv": "latency \"TEST_FRAMES='0:400:100'\" --setups pretrained --lidars livox_avia",
-    "exchange.csv": "exchange --frames 2",
     "speed.csv": "benchmarks/run.py --repetitions 1",
     "evaluation.csv": "benchmarks/evaluate_speed.py --frames 2",
     "ops.csv": "benchmarks/ops.py --repetitions 1",

@@ -34,7 +34,7 @@ from pyinfra.formats.kitti.lidar import PERIOD_S
 # How points are levelled. `road` levels the points to the estimated road, and `as-is` leaves them
 # unchanged. `auto` selects `as-is` for points that are level by their format or labels.
 Upright = Literal["auto", "road", "as-is"]
-SAMPLE = Path(__file__).with_name("sample")  # recording made by `reproduction sample`
+SAMPLE = Path(__file__).with_name("sample")  # made by tests/python/sample_recording.py
 NAME = "lidar"  # name of the LiDAR if the user gives only the folder of the data set
 
 

@@ -18,20 +18,16 @@ from pyinfra.core.vocabulary import SUBSETS
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.experiments.benchmark.matrix import Parts
-from pyinfra.formats import kitti
 from pyinfra.metrics import ap
 from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.metrics.match_input import match_input
 from pyinfra.metrics.match_results import count_matches
 from pyinfra.metrics.prediction_checks import find_files
 from pyinfra.metrics.settings import Settings
-from pyinfra.models.inference import detect
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
+from reproduction.measures import detected, train_detector
 from reproduction.simulate import simulate
-from reproduction.train_detector import train_detector
-
-VERSION = 1  # version of the results; increase it if a change alters the results
 
 LIDARS = ("ruby_plus", "livox_avia", "pandar_64", "helios_16")
 SCENES = ("highway", "crossroad")
@@ -47,9 +43,7 @@ def simulated(scene: str, work: Path) -> Path:
 def predictions(folder: Path) -> Path:
     run = folder.parent / f"{folder.name}_run"
     train_detector("background", folder, run, seed=1)
-    files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
-    detect.detect(detect.load_detector(run), files, run / "predictions")
-    return run / "predictions"
+    return detected(run, folder, run)
 
 
 def correlation(folder: Path, pred: Path) -> Iterator[dict[str, object]]:

@@ -25,12 +25,9 @@ from pyinfra.metrics.comparison import Bootstrapped
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 SCENES = ("highway", "curve", "crossroad")
 SPANS_S = (90, 250, 500)
 RUN_S, APART_S = 500, 0.5
-RULE = "as long as a stay"  # name of the rule for the length of time blocks
 REPLICATES = 200
 # correlation times of a vehicle's detection probability and of the rate of false positives
 CHANGES_S, BOUTS_S = 4.0, 5.0
@@ -153,10 +150,6 @@ def ranking(t: Traffic, boxes: ScoredBoxes, first: int, blocks: intervals.Blocks
     return ap.rank(boxes.scores[use], boxes.true_positive[use], objects, at)
 
 
-def block_s(t: Traffic) -> float:
-    return intervals.block_seconds(t.frame, t.ids, APART_S)
-
-
 def figures(
     t: Traffic, by_detector: dict[str, ScoredBoxes], span_s: int, length_s: float
 ) -> dict[str, Bootstrapped]:
@@ -195,7 +188,8 @@ def truths(every: list[tuple[Traffic, dict[str, ScoredBoxes]]]) -> dict[str, flo
 def rows(scene: str, count: int, work: Path) -> Iterator[dict[str, object]]:
     runs = list(studies(scene, count, work))
     truth = truths(runs)
-    stay_s = float(np.median([block_s(t) for t, _ in runs]))
+    stays_s = [intervals.block_seconds(t.frame, t.ids, APART_S) for t, _ in runs]
+    stay_s = float(np.median(stays_s))
     for span_s in SPANS_S:
         if span_s < intervals.MIN_BLOCKS * stay_s:
             continue
@@ -207,7 +201,7 @@ def rows(scene: str, count: int, work: Path) -> Iterator[dict[str, object]]:
         for name, bounds in ends.items():
             low, high = np.array(bounds).T
             held = 100 * np.mean((low <= truth[name]) & (truth[name] <= high))
-            settings = {"scene": scene, "span_s": span_s, "rule": RULE, "block_s": stay_s}
+            settings = {"scene": scene, "span_s": span_s, "block_s": stay_s}
             yield {**settings, "figure": name, "truth": round(truth[name], 2)} | {
                 "held_percent": round(float(held), 1),
                 "width": round(float((high - low).mean()), 2),
@@ -230,4 +224,4 @@ def main(*, work: Work, studies: int = 200, out: Out = Path("coverage.csv")) -> 
         made_by = provenance(f"coverage --studies {studies}")
         table = pd.DataFrame(all_rows).assign(seed=1, **made_by)
         table.to_csv(out, index=False)
-        print(table[table.scene == scene].iloc[:, :9].to_string(index=False), flush=True)
+        print(table[table.scene == scene].iloc[:, :8].to_string(index=False), flush=True)

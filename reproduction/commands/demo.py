@@ -1,15 +1,12 @@
 """Rebuilds the paper's table of hit points, and simulates and draws frames of each scene."""
 
 import sys
-import tempfile
 import time
 from pathlib import Path
 
-import numpy as np
-
-from pyinfra.core.arrays import FloatArray
+from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import LIDARS, SCENES, lidar_file, scene_file
-from pyinfra.dataset.runs import SimulatorError, infrasim
+from pyinfra.dataset.runs import SimulatorError
 from pyinfra.formats import kitti
 from pyinfra.viz import clouds
 from pyinfra.viz.pattern_picture import draw_patterns
@@ -19,7 +16,7 @@ from reproduction.simulate import simulate
 
 # part of the simulator's error message for a folder that was written with another configuration
 ANOTHER_RUN = "holds another run"
-PATTERN_FRAMES = "0:20"
+PATTERN_FRAMES = range(20)
 
 
 @command
@@ -52,7 +49,7 @@ def main(*, out: Path = Path("out/demo"), frames: str = "0:3") -> None:
                 raise
             advice = f"remove {folder} or choose another --out"
             raise SimulatorError(f"{error}; {advice}", error.exit_code) from None
-    table = hit_table(scenes, lidars, cache=out / "summaries", progress=progress)
+    table = hit_table(scenes, lidars, progress=progress)
     write_table(table, out / "hit_points.csv")
     print(table_text(table), flush=True)
 
@@ -60,26 +57,14 @@ def main(*, out: Path = Path("out/demo"), frames: str = "0:3") -> None:
     data_sets = [[folder / lidar for lidar in LIDARS] for folder in data]
     first = int(frames.split(":")[0])
     pictures = clouds.draw_frames(data_sets, first, out / "pictures")
+    sheets = {name: kitti.read_lidar(data[0] / name) for name in LIDARS}
     patterns = {
-        kitti.read_lidar(folder).model: scan_pattern(lidar_file(folder.name))
-        for folder in data_sets[0]
+        sheet.model: simulation.scan_pattern(lidar_file(name), PATTERN_FRAMES, preset=PRESET)
+        for name, sheet in sheets.items()
     }
-    read = [kitti.read_lidar(folder) for folder in data_sets[0]]
-    periods_s = {lidar.model: lidar.period_s for lidar in read}
+    periods_s = {sheet.model: sheet.period_s for sheet in sheets.values()}
     pictures.append(draw_patterns(patterns, out / "pictures/patterns.png", periods_s))
     progress("done")
     print(f"\nhit points   {out / 'hit_points.csv'}\nframes       {out / 'data'}")
     for file in pictures:
         print(f"picture      {file}")
-
-
-def scan_pattern(lidar: Path) -> FloatArray:
-    """Returns azimuth, elevation (rad) and time (s) of every ray of PATTERN_FRAMES.
-
-    The result is (n, 3) in the sensor frame. Raises SimulatorError.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "pattern.npy"
-        infrasim("pattern", lidar, "--preset", PRESET, "--frames", PATTERN_FRAMES, "--out", file)
-        rays: FloatArray = np.load(file)
-    return rays

@@ -20,8 +20,6 @@ from reproduction.commands.experiments import turned
 from reproduction.commands.scanning import FRAMES, over_seeds, rows_of_seed
 from reproduction.simulate import simulate
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 PRESET: Preset = "paper"
 ANGLES_DEG = (0, 90, 180, 270)
 

@@ -2,9 +2,9 @@
 
 The command simulates generated sites from several poses each, with labels at the time of the scan,
 and runs the pretrained detector and Background. It stores a file for each run in --work. Run it
-again to resume; several processes can share the work with --part. It fits the laws on the sites of
---fit, and checks AP and recall on the sites of --check. There, the prediction and the measurement
-use different traffic. With `--fit 0` it checks the laws of the package. It writes
+again to resume. It fits the laws on the sites of --fit, and checks AP and recall on the sites of
+--check. There, the prediction and the measurement use different traffic. With `--fit 0` it checks
+the laws of the package. It writes
 
 - NAME.json, the file of pyinfra/experiments/planner, if there is a fit
 - NAME.csv, predicted and measured figures of each checked pose and traffic seed
@@ -14,11 +14,10 @@ use different traffic. With `--fit 0` it checks the laws of the package. It writ
     python -m reproduction detectability --work out/detectability --out results/detectability.csv
 """
 
-import argparse
 import json
 import warnings
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -43,8 +42,6 @@ from reproduction.detectability.runs import (
     read,
     store,
 )
-
-VERSION = 1  # version of the results; increase it if a change alters the results
 
 REPLICATES = 40  # number of fits on resampled sites, from which intervals are computed
 FEW_SITES = 40  # number of sites below which the fit is marked as a pilot
@@ -90,12 +87,11 @@ def fit(
     return {"detection": np.round(detection, 4).tolist(), "false": np.round(rates, 4).tolist()}
 
 
-def stored(runs: list[Run], frames: int, work: Path, part: tuple[int, int]) -> list[Run]:
+def stored(runs: list[Run], frames: int, work: Path) -> list[Run]:
     """Measures runs that have no file yet and returns those of sites where it is possible."""
-    number, parts = part
     left_out = set()
     for run in runs:
-        if run.site % parts != number - 1 or run.site in left_out:
+        if run.site in left_out:
             continue
         try:
             store(run, frames, work)
@@ -105,14 +101,6 @@ def stored(runs: list[Run], frames: int, work: Path, part: tuple[int, int]) -> l
     return [run for run in runs if run.site not in left_out]
 
 
-def part_of(text: str) -> tuple[int, int]:
-    """Reads "K/N", part K of N."""
-    number, _, parts = text.partition("/")
-    if not (number.isdigit() and parts.isdigit() and 1 <= int(number) <= int(parts)):
-        raise argparse.ArgumentTypeError(f"expected K/N with K from 1 to N, got '{text}'")
-    return int(number), int(parts)
-
-
 @command
 def main(
     *,
@@ -120,8 +108,6 @@ def main(
     fit: int = 40,
     check: int = 12,
     frames: int = 30,
-    part: Annotated[tuple[int, int], {"type": part_of, "metavar": "K/N"}] = (1, 1),
-    only_latency: bool = False,
     only_errors: bool = False,
     out: Out = Path("detectability.csv"),
 ) -> None:
@@ -132,8 +118,6 @@ def main(
     fit : sites of the fit, 0 for no fit; default: 40
     check : sites of the check; default: 12
     frames : frames of a run; default: 30
-    part : store runs of part K of N of the sites, without a fit; default: all and the fit
-    only_latency : only measure the detectors' time per frame again, and keep the fit
     only_errors : only compute the errors at unseen sites again, from the recorded tables
     """
     warnings.simplefilter("ignore")
@@ -141,18 +125,10 @@ def main(
     if only_errors:
         write(out, with_errors(plain, pd.read_csv(ROOT / "results/detectability.csv")))
         return
-    if only_latency:
-        first = next(iter(fit_runs(1)))
-        for detector, law in plain.items():
-            law |= timed(first, detector, frames, work)
-        write(out, plain)
-        return
     if check < 1:
         raise Error(f"check: expected 1 or more sites, got {check}")
-    fitted = stored([*fit_runs(fit)], frames, work, part)
-    checked = stored([*check_runs(check)], frames, work, part)
-    if part != (1, 1):
-        return
+    fitted = stored([*fit_runs(fit)], frames, work)
+    checked = stored([*check_runs(check)], frames, work)
     if fitted:
         plain = fit_all(fitted, frames, work)
     made_by = provenance(f"detectability --fit {fit} --check {check} --frames {frames}")
@@ -196,17 +172,13 @@ def fit_all(runs: list[Run], frames: int, work: Path) -> dict[str, dict[str, Any
             "model": ""
             if detector == "background"
             else checkpoint.digest(model_file(Path(detector))),
-            **timed(runs[0], detector, frames, work),
+            "latency_ms": round(detection_ms(runs[0], detector, frames, work), 1),
+            "machine": machine(),
             "vehicles": fit(runs, detector, work, person=False),
         }
         if detector != "background":
             plain[detector]["people"] = fit(runs, detector, work, person=True)
     return plain
-
-
-def timed(run: Run, detector: str, frames: int, work: Path) -> dict[str, object]:
-    """Returns the CPU time of a detector per frame, and the machine on which it was measured."""
-    return {"latency_ms": round(detection_ms(run, detector, frames, work), 1), "machine": machine()}
 
 
 def write(out: Path, plain: dict[str, dict[str, Any]]) -> None:

@@ -37,11 +37,8 @@ from pyinfra.experiments import store
 from pyinfra.experiments.stress import lidar as lidar_keys
 from reproduction import provenance, shared_frames
 from reproduction.arguments import Out, Work, command
-from reproduction.measures import rows_of_test
+from reproduction.measures import rows_of_test, train_detector
 from reproduction.simulate import simulate
-from reproduction.train_detector import train_detector
-
-VERSION = 1  # version of the results; increase it if a change alters the results
 
 # The steps 11 and 47 share no factor with 200, the number of frames after which the Avia's pattern
 # repeats.

@@ -24,8 +24,6 @@ from matplotlib.patches import Rectangle
 
 from reproduction.commands.ladder import SETTINGS, parts_of
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 LIDARS = ["livox_avia", "helios_16", "pandar_64", "ruby_plus"]
 DETAILS: dict[str, dict[str, object]]
 DETAILS = {value: {"detail": value} for value in ("fine", "box", "low", "mid")}

@@ -24,8 +24,6 @@ import pyinfra as pi
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 FRAMES = 150  # number of simulated frames, which are written repeatedly
 KEPT = 20  # number of newest clouds that stay in the folder
 INTERVAL_MIN = 10.0

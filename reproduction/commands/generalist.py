@@ -8,8 +8,8 @@ of the pretrained detector did not use. Each experiment tests four arms:
   core, with simulated labels of the site;
 - `site_trained`: a network that is trained from scratch at the site only.
 
-The command adds each row, with its bootstrap replicates, to out/generalist.csv as soon as it is
-computed. Existing rows of the same initial weights (column `start`) are not computed again.
+The command adds each row to out/generalist.csv as soon as it is computed. Existing rows of the same
+initial weights (column `start`) are not computed again.
 
     python -m reproduction generalist --work data/generalist
 """
@@ -21,21 +21,16 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import pandas as pd
 import yaml
 
-from pyinfra.core.version import __version__, machine
 from pyinfra.core.vocabulary import Tier
 from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark.matrix import Parts
-from pyinfra.formats import kitti
 from pyinfra.metrics.evaluate import match_results_of
 from pyinfra.metrics.evaluation_tables import ap_r1000_of, r1000_columns
-from pyinfra.metrics.match_results import MatchResult
-from pyinfra.metrics.replicates import replicate_rows, same_of
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
 from pyinfra.models.training import checkpoint
@@ -44,19 +39,17 @@ from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
 from pyinfra.scenes.generator import random_stream
 from pyinfra.scenes.generator.generate import make_site
-from reproduction import ROOT
+from reproduction import ROOT, provenance
 from reproduction.arguments import Out, Work, command
-from reproduction.commands.frozen_sites import HELD_OUT
+from reproduction.frozen_sites import HELD_OUT
+from reproduction.measures import detected
 from reproduction.simulate import simulate
-
-VERSION = 1  # version of the results; increase it if a change alters the results
 
 RECIPES = ROOT / "configs/detectors"
 FIRST_SITE = 2_000_000  # first seed of the sites; training and calibration used smaller seeds
 SCENES = ("highway", "crossroad", "curve")
 STUDIED = ("ruby_plus", "livox_avia", "helios_16", "pandar_64")
 FRAMES = "0:5000:10"  # frames of 500 s; the first 400 s are for training, the last 90 s for tests
-CUT = 0.5  # smallest calibrated score of a shown box
 ARMS = ("none", "tuned_30", "tuned_120", "site_trained")
 SETTINGS = Settings(ground_truths=("captured",))
 KEY = ["site", "seed", "lidar", "preset", "arm"]
@@ -136,40 +129,14 @@ def model_of(arm: str, model: Path, folder: Path, run: Path) -> tuple[Path, int,
 def row(folder: Path, arm: str, model: Path) -> dict[str, object]:
     run = folder.parent / f"{folder.name}_{arm}"
     file, steps, seconds = model_of(arm, model, folder, run)
-    files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
-    detector, read = detect.detector_at(file, folder), detect.reader_at(file, folder, files)
-    _, times = detect.detect(detector, files, run / "predictions", read=read)
-    (match_result,) = match_results_of(folder, run / "predictions", SETTINGS)
-    bootstrapped = ap_r1000_of(match_result)
-    same = same_of(match_result.match_input.truth, match_result.match_input.blocks, SETTINGS.seed)
-    replicates = replicate_rows(same, "captured", [("ap_r1000", bootstrapped)]).iloc[0]
+    (match_result,) = match_results_of(folder, detected(file, folder, run), SETTINGS)
+    columns = r1000_columns(match_result, ap_r1000_of(match_result))
     return {
         "steps": steps,
         "train_cpu_s": round(seconds, 1),
-        "latency_p50_ms": round(float(np.median(times)), 1),
-        **{name: round(v, 3) for name, v in r1000_columns(match_result, bootstrapped).items()},
+        **{name: round(v, 3) for name, v in columns.items()},
         "objects": match_result.objects,
-        **at_cut(match_result),
-        **replicates.to_dict(),
     }
-
-
-def at_cut(match_result: MatchResult) -> dict[str, float]:
-    """Returns the precision and recall of the shown boxes, and the values that the scores predict.
-
-    The scores of a site-trained detector are uncalibrated. The scores of the other arms use the
-    calibration of the pretrained detector.
-    """
-    scores, true_positive = match_result.match_input.predictions.scores, match_result.true_positive
-    counted = true_positive | match_result.false_positive
-    shown = counted & (scores >= CUT)
-    figures = {
-        "precision": true_positive[shown].mean() if shown.any() else np.nan,
-        "precision_predicted": scores[shown].mean() if shown.any() else np.nan,
-        "recall": true_positive[shown].sum() / match_result.objects,
-        "recall_predicted": scores[shown].sum() / max(scores[counted].sum(), 1e-9),
-    }
-    return {name: round(float(value), 4) for name, value in figures.items()}
 
 
 def start_of(arm: str, model: Path) -> str:
@@ -196,12 +163,7 @@ def main(
     seeds : traffic seeds per site (default: 1)
     arms : arms to test (default: all)
     """
-    provenance = {
-        "commit": __version__,
-        "machine": machine(),
-        "command": f"python -m reproduction generalist --model {model} --seeds {seeds} "
-        f"--sites {sites}",
-    }
+    made_by = provenance(f"generalist --model {model} --seeds {seeds} --sites {sites}")
     for experiment in experiments(sites, seeds):
         key = asdict(experiment)
         table = store.read(out, [*KEY, "start"])
@@ -215,7 +177,7 @@ def main(
             print(experiment.name, "shows no vehicle: left out", flush=True)
             left = []
         for arm in left:
-            record = {**wanted[arm], **row(folder, arm, model), **provenance}
+            record = {**wanted[arm], **row(folder, arm, model), **made_by}
             store.put(out, pd.DataFrame([record]), KEY)
             print(*(record[name] for name in (*KEY, "ap_r1000", "train_cpu_s")), flush=True)
         shutil.rmtree(folder.parent)

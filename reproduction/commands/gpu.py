@@ -15,8 +15,8 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -33,26 +33,22 @@ from pyinfra.experiments import store
 from pyinfra.models.detectors.detection_area import Site, site_of
 from pyinfra.models.detectors.fuse_batchnorm import fused
 from pyinfra.models.detectors.network import Network, device_of, one_thread
-from pyinfra.models.ops import triton_kernels, triton_layers
 from pyinfra.models.training import checkpoint, loop
 from pyinfra.models.training.recipe import Precision, Recipe, read_recipe
 from pyinfra.models.training.samples import Frames
 from pyinfra.models.training.sources import on_road, read_source
 from pyinfra.models.training.validation import average_precision
-from reproduction import ROOT, provenance, triton_checks
+from reproduction import ROOT, provenance
 from reproduction.arguments import Out, Work, command
 from reproduction.simulate import simulate
 from reproduction.tables.gpu import AP_STEPS, DETECTORS
 
 Part = Literal["batches", "rates", "latency", "ap", "settings"]
-ON_POINTS = ("pv-rcnn", "pointrcnn")  # detectors that search points with the Triton kernels
-WITH_LAYERS = ("dsvt", *ON_POINTS)  # detectors with layers in Triton
 WORKERS = (0, 1, 2, 4, 8)
 SCENE, LIDAR, PRESET, SEED = "highway", "ruby_plus", "paper", 1
 FRAMES = "0:5000:30"  # frames of the traffic with seed SEED; only frames before 400 s are used
 HELD_OUT = 20  # number of last frames, on which the AP is measured
 WARM_UP, PROFILED = 6, 5  # numbers of steps before the measurement, and of steps with timed kernels
-LEAST_SAME = 0.99  # minimum share of values in Triton that agree with PyTorch
 LONGEST = 8  # number of slowest kernels that are printed
 KEY = ["device", "detector", "tier", "setting", "measure"]
 
@@ -155,38 +151,42 @@ def attempt(bench: Bench, setting: str, measure: Callable[[], None]) -> None:
         print(f"{bench.detector} {setting}: {type(error).__name__}: {error}", flush=True)
 
 
+@contextmanager
+def training(
+    bench: Bench, recipe: Recipe, frames: Frames, site: Site, precision: Precision, pace: loop.Pace
+) -> Iterator[tuple[Network, Callable[[], None], loop.Readings]]:
+    """Yields a new network, a function that makes a training step, and the losses of the steps."""
+    network, device = build(recipe, site), bench.device
+    made = loop.batches_of(frames, recipe, network, SEED, 0, pace, device)
+    step_of = loop.begin(network, recipe, precision, device, pace)
+    readings = loop.Readings(pace.reads_every, recipe.learning.steps, Path("none"), None)
+
+    def step() -> None:
+        number, batch = next(made)
+        readings.add(number, *step_of(number, batch.to(device)))
+
+    with closing(made), one_thread(), loop.products_of(pace):
+        yield network, step, readings
+
+
 def rate(bench: Bench, setting: str, precision: Precision, changes: dict[str, bool]) -> None:
     """Measures steps per second, the share of the time in which the GPU waits, and its memory."""
     frames, _, site = bench.frames()
     recipe, device = bench.recipe(bench.tier, 100_000), bench.device
-    network, pace = build(recipe, site), loop.pace_of(device)
-    pace = dataclasses.replace(pace, **changes)
-    made = loop.batches_of(frames, recipe, network, SEED, 0, pace, device)
-    step_of = loop.begin(network, recipe, precision, device, pace)
-    readings = loop.Readings(pace.reads_every, 100_000, Path("none"), None)
-    waited = 0.0
-
-    def step() -> None:
-        nonlocal waited
-        before = time.perf_counter()
-        number, batch = next(made)
-        waited += time.perf_counter() - before
-        readings.add(number, *step_of(number, batch.to(device)))
-
-    with closing(made), one_thread(), loop.products_of(pace):
+    pace = dataclasses.replace(loop.pace_of(device), **changes)
+    with training(bench, recipe, frames, site, precision, pace) as (_, step, _):
         for _ in range(WARM_UP if device.type == "cuda" else 1):
             step()
         wait_for(device)
         if device.type == "cuda":
             torch.cuda.reset_peak_memory_stats()
-        count, waited, started = 0, 0.0, time.perf_counter()
+        count, started = 0, time.perf_counter()
         while time.perf_counter() - started < bench.seconds or count < 3:
             step()
             count += 1
         wait_for(device)
         per_step = (time.perf_counter() - started) / count
         bench.write(bench.tier, setting, "steps_per_s", 1 / per_step)
-        bench.write(bench.tier, setting, "waits_for_batches", waited / count / per_step)
         if device.type == "cuda":
             memory = torch.cuda.max_memory_allocated() / 1e9
             bench.write(bench.tier, setting, "memory_gb", memory)
@@ -208,15 +208,10 @@ def busy_s(step: Callable[[], None]) -> float:
 
 def trained(bench: Bench, recipe: Recipe, frames: Frames, site: Site, steps: int) -> Network:
     """Returns a network after some steps of its recipe."""
-    network, device = build(recipe, site), bench.device
-    pace = loop.pace_of(device)
-    made = loop.batches_of(frames, recipe, network, SEED, 0, pace, device)
-    step_of = loop.begin(network, recipe, "float32", device, pace)
-    readings = loop.Readings(pace.reads_every, steps, Path("none"), None)
-    with closing(made), one_thread(), loop.products_of(pace):
+    pace = loop.pace_of(bench.device)
+    with training(bench, recipe, frames, site, "float32", pace) as (network, step, readings):
         for _ in range(steps):
-            step, batch = next(made)
-            readings.add(step, *step_of(step, batch.to(device)))
+            step()
         readings.read()
     return network.eval()
 
@@ -238,29 +233,13 @@ def latency(bench: Bench) -> None:
 def ap(bench: Bench) -> None:
     """Measures the AP on held-out frames after AP_STEPS steps of the tier `quick`."""
     frames, held_out, site = bench.frames()
-    started = time.perf_counter()
     network = trained(bench, bench.recipe("quick", AP_STEPS), frames, site, AP_STEPS)
-    bench.write("quick", "float32", "ap_training_s", time.perf_counter() - started)
     bench.write("quick", "float32", "ap_r1000", average_precision(network, held_out))
 
 
 def wait_for(device: torch.device) -> None:
     if device.type == "cuda":
         torch.cuda.synchronize()
-
-
-def check_triton(bench: Bench) -> None:
-    """Compares kernels and layers in Triton with PyTorch, and uses PyTorch if they differ."""
-    if bench.device.type != "cuda" or not triton_kernels.enabled:
-        return
-    if bench.detector in ON_POINTS:
-        same = triton_checks.same_kernels(bench.device)
-        bench.write("full", "Triton", "same_as_pytorch", same)
-        triton_kernels.enabled = same >= LEAST_SAME
-    if bench.detector in WITH_LAYERS:
-        same = triton_checks.same_layers(bench.device)
-        bench.write("full", "Triton layers", "same_as_pytorch", same)
-        triton_layers.enabled = same >= LEAST_SAME
 
 
 MEASURES: dict[Part, Callable[[Bench], None]] = {
@@ -274,7 +253,6 @@ MEASURES: dict[Part, Callable[[Bench], None]] = {
 
 def measure(bench: Bench, parts: tuple[Part, ...]) -> None:
     """Measures parts in this process. A part that fails is printed, and the next one follows."""
-    check_triton(bench)
     for part in parts:
         attempt(bench, part, partial(MEASURES[part], bench))
 

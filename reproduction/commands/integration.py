@@ -25,11 +25,8 @@ from pyinfra.models.training.accumulation import Accumulation
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
 from reproduction.commands.experiments import TRAIN_SEEDS_FROM
-from reproduction.measures import rows_of_test
+from reproduction.measures import rows_of_test, train_detector
 from reproduction.simulate import simulate
-from reproduction.train_detector import train_detector
-
-VERSION = 1  # version of the results; increase it if a change alters the results
 
 SCENE, PRESET = "highway", "datasheet"
 LIDARS = ("livox_avia", "helios_16", "ruby_plus")

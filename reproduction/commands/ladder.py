@@ -20,19 +20,13 @@ from typing import Annotated, Any
 import pandas as pd
 
 from pyinfra.dataset.frame_readers import read_vehicles
-from pyinfra.dataset.frames import frame_numbers
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark.matrix import Parts
 from pyinfra.formats import kitti
-from pyinfra.metrics.evaluate import evaluated
-from pyinfra.metrics.settings import Settings
-from pyinfra.models.inference import detect
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
+from reproduction.measures import ap_of_captured, detected, train_detector
 from reproduction.simulate import simulate
-from reproduction.train_detector import train_detector
-
-VERSION = 1  # version of the results; increase it if a change alters the results
 
 # The values of each setting from cheap to expensive. The last value is the reference.
 SETTINGS = {
@@ -108,10 +102,7 @@ def row(folder: Path, detector: str, seed: int) -> dict[str, object]:
     """Trains a detector and evaluates it on the test frames of one LiDAR."""
     run = folder.parent / f"{folder.name}_{detector}"
     train_detector(detector, folder, run, seed)
-    files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
-    detect.detect(detect.load_detector(run), files, run / "predictions")
-    settings = Settings(ground_truths=("captured",))
-    (ap_row,) = evaluated(folder, run / "predictions", settings).ap.itertuples()
+    ap_row = ap_of_captured(folder, detected(run, folder, run))
     frames = kitti.frames(folder)
     points = int(read_vehicles(folder, frames).points.sum())
     return {

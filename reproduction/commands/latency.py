@@ -27,8 +27,6 @@ from reproduction.commands.experiments import (
     simulated,
 )
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 LIDARS = ("ruby_plus", "livox_avia")
 REPLICATE = Replicate("highway", "paper", "scan", 1)
 KEY = ["scene", "preset", "lidar", "detector", "judge"]

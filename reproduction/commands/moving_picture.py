@@ -21,8 +21,6 @@ from pyinfra.dataset.lidars import LidarSheet, read_catalogue
 from pyinfra.dataset.object_rows import BOX
 from reproduction.arguments import command
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 LIDARS = ("livox_avia", "ruby_plus")
 SECONDS, STEPS = 3.0, 2  # duration of the moving picture, and number of pictures per frame
 SIZE = (460, 380)  # size of each half, pixels

@@ -20,10 +20,9 @@ import torch
 import pyinfra as pi
 from pyinfra.core.arrays import Points
 from pyinfra.core.config import from_plain
-from pyinfra.dataset.data_set import read_data_set
 from pyinfra.dataset.frames import frame_numbers
-from pyinfra.dataset.split import by_time, write
 from pyinfra.experiments import store
+from pyinfra.experiments.benchmark.matrix import Parts
 from pyinfra.formats import kitti
 from pyinfra.models.detectors import Detections
 from pyinfra.models.detectors.classes import TYPES
@@ -41,8 +40,6 @@ from reproduction.arguments import Out, Work, command
 from reproduction.simulate import simulate
 
 FRAMES = "0:5000:20"
-
-VERSION = 1  # version of the results; increase it if a change alters the results
 
 PAIRS = (("generalist", "ruby_plus"), ("generalist", "livox_avia"), ("pointpillars", "livox_avia"))
 KEY = ["scene", "lidar", "detector", "engine"]
@@ -104,13 +101,7 @@ def rows_of(run: Path, folder: Path) -> Iterator[dict[str, object]]:
             "ap_r1000": round(ap, 2),
             "ms_p50": round(float(np.median(times[name][1:])), 1),
             "ms_more_p50": round(
-                float(
-                    np.median(
-                        np.subtract(
-                            *map(np.array, (times[name][1:], times["without suppression"][1:]))
-                        )
-                    )
-                ),
+                float(np.median(np.subtract(times[name], times["without suppression"])[1:])),
                 1,
             ),
             "boxes_per_frame": round(len(table) / len(numbers), 1),
@@ -119,10 +110,8 @@ def rows_of(run: Path, folder: Path) -> Iterator[dict[str, object]]:
 
 
 def simulated(lidar: str, work: Path) -> Path:
-    out = simulate("highway", [lidar], work / lidar, preset="datasheet", frames=FRAMES)
-    data = read_data_set(out)
-    write(data, by_time(data.frames, data.period_s), force=True)
-    return out / lidar
+    options = {"preset": "datasheet", "frames": FRAMES}
+    return simulate("highway", [lidar], work / lidar, parts=Parts(), **options) / lidar
 
 
 @command

@@ -14,13 +14,11 @@ The command writes two files:
   the test sites, by site, LiDAR and class, and the values that the scores predict.
 """
 
-from __future__ import annotations
-
-import argparse
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
@@ -28,17 +26,16 @@ import pandas as pd
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.vocabulary import VEHICLES, ObjectClass
 from pyinfra.dataset import simulation
-from pyinfra.dataset.regions import FOOTWAYS_M
-from pyinfra.metrics import matching
-from pyinfra.models.detectors import Detections, calibration
-from pyinfra.models.detectors.classes import METRICS, TYPES
+from pyinfra.models.detectors import calibration
+from pyinfra.models.detectors.classes import METRICS
 from pyinfra.models.detectors.fuse_batchnorm import fused
 from pyinfra.models.detectors.network import Network
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.training import checkpoint
 from pyinfra.models.training.samples import SiteSample
-from reproduction import add_out, provenance
-from reproduction.commands import frozen_sites
+from reproduction import frozen_sites, provenance
+from reproduction.arguments import Out, command
+from reproduction.site_boxes import scored_boxes
 
 MIN_SCORE = 0.002  # minimum score of a box in the calibration, which also uses scores below CUT
 PEOPLE = "vulnerable road user"  # a pedestrian or a cyclist
@@ -57,45 +54,26 @@ class ScoredBoxes:
     objects: int  # number of vehicles, or of people, in the ground truth
 
 
-def scored_boxes(
+def boxes_at(
     network: Network, site: str, lidar: str, samples: Sequence[SiteSample]
 ) -> Iterator[ScoredBoxes]:
-    """Yields, for each class, the boxes in the region that counts for the class."""
+    """Yields, for each class, the boxes in the region that counts for the class.
+
+    Boxes and objects of people are matched together: the number of objects is that of all people.
+    """
     detections = []
     for sample in samples:
         network.know(sample.region)
         detections.append(network.predict(sample.points))
     for name in network.classes:
+        kinds = tuple(c for c in network.classes if (c in VEHICLES) == (name in VEHICLES))
         parts = [
-            right_of(*pair, network.classes, name) for pair in zip(samples, detections, strict=True)
+            scored_boxes(*pair, kinds, METRICS[name], (name,))
+            for pair in zip(samples, detections, strict=True)
         ]
         scores, right, objects = zip(*parts, strict=True)
         columns = np.concatenate(scores), np.concatenate(right)
         yield ScoredBoxes(site, lidar, name, *columns, sum(objects))
-
-
-def right_of(
-    sample: SiteSample, detections: Detections, classes: Sequence[ObjectClass], name: ObjectClass
-) -> tuple[FloatArray, BoolArray, int]:
-    """Returns scores (n,) and correctness (n,) of the boxes of a class, and the number of objects.
-
-    Boxes and objects of people are matched together: the number is that of all people.
-    """
-    kinds = [c for c in classes if (c in VEHICLES) == (name in VEHICLES)]
-    margin_m = 0.0 if name in VEHICLES else FOOTWAYS_M
-    inside = np.isin(detections.names, [TYPES[kind] for kind in kinds])
-    inside &= sample.region.holds(detections.boxes, margin_m)
-    counted = np.isin(sample.numbers, [classes.index(kind) for kind in kinds])
-    counted &= sample.region.holds(sample.boxes, margin_m)
-    boxes, scores, truth = (
-        detections.boxes[inside],
-        detections.scores[inside],
-        sample.boxes[counted],
-    )
-    frames = np.zeros(len(boxes), np.int64), np.zeros(len(truth), np.int64)
-    right = matching.true_positives(frames[0], boxes, scores, frames[1], truth, METRICS[name])
-    own = detections.names[inside] == TYPES[name]
-    return scores[own], right[own], len(truth)
 
 
 def rows_of(
@@ -154,55 +132,58 @@ def figures_of(table: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "run", type=Path, help="model file, name, or output folder of `pyinfra train --sites`"
-    )
-    parser.add_argument(
-        "--sites",
-        type=int,
-        default=60,
-        help="sites of the calibration and of the test (default: 60)",
-    )
-    parser.add_argument("--frames", type=int, default=5, help="frames per LiDAR (default: 5)")
-    add_out(parser, "generalist.safetensors", recorded="pyinfra/models/generalist.safetensors")
-    add_out(parser, "generalist_sites.csv", "--table")
-    args = parser.parse_args()
-    loaded = checkpoint.load(model_file(args.run))
+@command
+def main(
+    run: Path,
+    *,
+    sites: int = 60,
+    frames: int = 5,
+    out: Annotated[Path, {"recorded": "pyinfra/models/generalist.safetensors"}] = Path(
+        "generalist.safetensors"
+    ),
+    table: Out = Path("generalist_sites.csv"),
+) -> None:
+    """
+    Parameters
+    ----------
+    run : model file, name, or output folder of `pyinfra train --sites`
+    sites : sites of the calibration and of the test (default: 60)
+    frames : frames per LiDAR (default: 5)
+    """
+    loaded = checkpoint.load(model_file(run))
     network = fused(loaded.network())
     classes = network.classes
     network.calibration = None
     network.min_score = MIN_SCORE
-    calibration_sites = frozen_sites.calibration_visits(args.sites)
-    test_sites = itertools.islice(frozen_sites.read_visits("plain"), args.sites)
+    calibration_sites = frozen_sites.calibration_visits(sites)
+    test_sites = itertools.islice(frozen_sites.read_visits("plain"), sites)
     fitted, experiments = (
         [
             experiment
-            for keys, visits in sites
-            for lidar, samples in frozen_sites.tested_at(keys, visits, classes, args.frames)
-            for experiment in scored_boxes(network, keys["name"], lidar, samples)
+            for keys, visits in chosen
+            for lidar, samples in frozen_sites.tested_at(keys, visits, classes, frames)
+            for experiment in boxes_at(network, keys["name"], lidar, samples)
         ]
-        for sites in (calibration_sites, test_sites)
+        for chosen in (calibration_sites, test_sites)
     )
     lines = {name: line_of(fitted, name) for name in classes}
     line = tuple(itertools.chain.from_iterable(lines.values()))
-    table = pd.DataFrame(rows_of(experiments, lines)).assign(
-        **provenance(f"pack_generalist {args.run} --sites {args.sites} --frames {args.frames}")
+    rows = pd.DataFrame(rows_of(experiments, lines)).assign(
+        **provenance(f"pack_generalist {run} --sites {sites} --frames {frames}")
     )
-    table.to_csv(args.table, index=False, float_format="%.4g")
-    figures = figures_of(table)
+    rows.to_csv(table, index=False, float_format="%.4g")
+    figures = figures_of(rows)
     described = replace(
         loaded.provenance,
         anywhere=True,
         frames_version=str(simulation.frames_version()),
         calibration=line,
-        figures={"cut": CUT, "sites": args.sites, **figures},
+        figures={"cut": CUT, "sites": sites, **figures},
     )
     # Parameters of normalisation layers can exceed the range of half precision.
     weights = {
         f"network.{name}": tensor.half() if tensor.ndim > 1 else tensor
         for name, tensor in loaded.weights().items()
     }
-    checkpoint.write(args.out, weights, described)
-    print(f"{args.out}: {args.out.stat().st_size / 1e6:.2f} MB, {line}, {figures}")
+    checkpoint.write(out, weights, described)
+    print(f"{out}: {out.stat().st_size / 1e6:.2f} MB, {line}, {figures}")

@@ -47,8 +47,6 @@ from reproduction.detectability.runs import (
 )
 from reproduction.frames_number import common_number, number_of
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 DETECTOR = "generalist"
 LIDARS = ("ruby_plus", "pandar_64", "livox_avia")
 ORDER_SEEDS = (1, 2)

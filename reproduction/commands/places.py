@@ -28,8 +28,6 @@ from reproduction import ROOT, provenance
 from reproduction.arguments import Out, Work, command
 from reproduction.simulate import simulate
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 SEEDS = (1, 2, 3)
 FRAMES = "0:5000:47"
 LIDARS = ("hesai_xt32", "hesai_ot128")

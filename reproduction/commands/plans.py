@@ -22,8 +22,6 @@ from reproduction import provenance
 from reproduction.arguments import Out, Work, command
 from reproduction.detectability.runs import scene_file_of
 
-VERSION = 2  # version of the results; increase it if a change alters the results
-
 T_JUNCTION, TOWN_JUNCTION = 900015, 900048  # seeds of the scene generator
 CHECK_FRAMES = 30
 FIGURES = (

@@ -38,10 +38,8 @@ from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
 from reproduction import provenance, shared_frames
 from reproduction.arguments import Out, Work, command
+from reproduction.measures import train_detector
 from reproduction.simulate import simulate
-from reproduction.train_detector import train_detector
-
-VERSION = 1  # version of the results; increase it if a change alters the results
 
 SCENE = "crossroad_poles"
 LIDARS = ("helios_16", "livox_avia", "ruby_plus", "pandar_64")

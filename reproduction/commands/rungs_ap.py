@@ -16,19 +16,12 @@ from typing import Annotated
 
 import pandas as pd
 
-from pyinfra.dataset.frames import frame_numbers
 from pyinfra.experiments.benchmark.matrix import Parts
-from pyinfra.formats import kitti
-from pyinfra.metrics.evaluate import evaluated
-from pyinfra.metrics.settings import Settings
-from pyinfra.models.inference import detect
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
 from reproduction.commands.rungs import FOUR, RUNGS, changed_file
+from reproduction.measures import ap_of_captured, detected, train_detector
 from reproduction.simulate import simulate
-from reproduction.train_detector import train_detector
-
-VERSION = 1  # version of the results; increase it if a change alters the results
 
 FRAMES = "0:5000:20"
 DETECTORS = ("background", "pretrained")
@@ -45,18 +38,10 @@ def simulated(rung: str, seed: int, folder: Path) -> None:
 def average_precision(folder: Path, detector: str, seed: int) -> float:
     """Returns the AP (R1000) of captured vehicles in the test frames of one LiDAR."""
     run = folder.parent / f"{folder.name}_{detector}"
+    model = Path("generalist")
     if detector == "background":
-        train_detector(detector, folder, run, seed)
-        model = detect.load_detector(run)
-    else:
-        ground, region = detect.ground_and_region_of(folder)
-        model = detect.load_detector(Path("generalist"), ground=ground, region=region)
-    files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
-    detect.detect(model, files, run / "predictions")
-    (row,) = evaluated(
-        folder, run / "predictions", Settings(ground_truths=("captured",))
-    ).ap.itertuples()
-    return float(row.ap_r1000)
+        model, _ = train_detector(detector, folder, run, seed)
+    return float(ap_of_captured(folder, detected(model, folder, run)).ap_r1000)
 
 
 @command

@@ -23,8 +23,6 @@ from reproduction.arguments import Out, Work, command
 from reproduction.claims.scanning import AVIA, SPINNING, Row, claims_of, columns_of, never
 from reproduction.simulate import simulate
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 FRAMES = "0:5000:7"
 REGION_HALF_LENGTH_M = 125  # half length of the region; the claims extend to 120 m
 

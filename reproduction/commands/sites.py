@@ -22,8 +22,6 @@ from pyinfra.scenes.maps.sumo import sumo_folder
 from reproduction import ROOT, provenance
 from reproduction.arguments import Out, Work, command
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 TOWNS = ("Town04", "Town05", "Town10HD")
 LIDARS = ("ruby_plus", "livox_avia")
 PRESET, FRAMES, SEED = "datasheet", "0:5000:25", 1

@@ -23,10 +23,8 @@ from pyinfra.experiments.stress.runner import stress
 from pyinfra.formats.csv_table import read_csv
 from reproduction import provenance
 from reproduction.arguments import Out, Work, command
+from reproduction.measures import train_detector
 from reproduction.simulate import simulate
-from reproduction.train_detector import train_detector
-
-VERSION = 1  # version of the results; increase it if a change alters the results
 
 SCENE, PRESET, FRAMES = "highway", "datasheet", "0:5000:11"
 TEST_FRAMES = 30

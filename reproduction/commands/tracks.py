@@ -9,10 +9,8 @@ It keeps boxes and truth of each run in the working folder, so that a second run
 writes out/tracks.csv with one row per run for the boxes of the detector, and one for true boxes.
 """
 
-import subprocess
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -20,19 +18,15 @@ import numpy as np
 import pandas as pd
 
 import pyinfra as pi
-from pyinfra.core.arrays import FloatArray
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
 from pyinfra.dataset.frames import recorded_s
-from pyinfra.dataset.launch import binary
+from pyinfra.experiments import store
 from pyinfra.models.inference.folder import Place, detector_at_place
 from pyinfra.tracking.evaluation import compare_with, true_objects
 from pyinfra.tracking.lines import lines_of
-from pyinfra.tracking.tracker import Tracker
-from pyinfra.tracking.tracks import boxes_of, view_of
-from reproduction import ROOT, provenance
+from reproduction import provenance
 from reproduction.arguments import Out, Work, command
-
-VERSION = 1  # version of the results; increase it if a change alters the results
+from reproduction.simulate import simulate
 
 SCENES = ("highway", "crossroad", "curve")
 LIDARS = ("ruby_plus", "pandar_64", "helios_16", "livox_avia")
@@ -41,20 +35,16 @@ TIMED = 8  # number of frames in which the detector is timed
 WITHIN_M = 80.0
 POLES, POLES_LIDAR = "crossroad_poles", "pandar_64"
 LASTING = 5  # true boxes of vehicles that exist in 5 frames or fewer are left out
-OBJECTS = 100  # number of objects per frame when the time is measured
+KEY = ["scene", "lidar", "seed", "boxes"]
 
 
-@dataclass(frozen=True, eq=False)
-class Case:
-    """One run: its frames, the boxes of the detector, and the truth."""
+def case_of(
+    scene: str, lidar: str, seed: int, work: Path
+) -> tuple[FrameSequence, pd.DataFrame, pd.DataFrame]:
+    """Returns the frames of a run, the boxes of the detector, and the truth.
 
-    frames: FrameSequence
-    boxes: pd.DataFrame
-    truth: pd.DataFrame
-
-
-def case_of(scene: str, lidar: str, seed: int, work: Path) -> Case:
-    """Returns a run, from the working folder if it is there."""
+    Boxes and truth are read from the working folder if they are there.
+    """
     frames = frames_of(scene, lidar, seed, work)
     stem = work / f"{scene}_{lidar}_{seed}"
     boxes, truth = (stem.with_name(f"{stem.name}_{n}.csv") for n in ("boxes", "truth"))
@@ -62,7 +52,7 @@ def case_of(scene: str, lidar: str, seed: int, work: Path) -> Case:
         found = pi.detect(pi.load_detector("generalist", threads=1), frames)
         found.to_csv(boxes, index=False, float_format="%.6g")
         true_objects(frames).to_csv(truth, index=False, float_format="%.7g")
-    return Case(frames, pd.read_csv(boxes), pd.read_csv(truth))
+    return frames, pd.read_csv(boxes), pd.read_csv(truth)
 
 
 def detector_ms(frames: FrameSequence) -> float:
@@ -83,27 +73,28 @@ def frames_of(scene: str, lidar: str, seed: int, work: Path) -> FrameSequence:
     if scene != POLES:
         return pi.simulate(pi.load_scene(scene, seed=seed), lidar, range(FRAMES))
     data = work / f"{scene}_{seed}"
-    words = [scene, "--lidar", lidar, "--preset", "datasheet", "--seed", seed, "--fuse"]
-    words += ["--mount", "west,east", "--frames", f"0:{FRAMES}", "--out", data]
-    subprocess.run([str(w) for w in (binary(), "run", *words)], check=True, cwd=ROOT)
+    simulate(
+        scene, [lidar], data, preset="datasheet", seed=seed, fuse=True, mount="west,east",
+        frames=f"0:{FRAMES}",
+    )  # fmt: skip
     return RecordedFrames(data / "fused" / lidar, tuple(range(FRAMES)))
 
 
 def rows(scene: str, lidar: str, seed: int, work: Path) -> Iterator[dict[str, object]]:
     """Yields the row of the detector's boxes and that of true boxes."""
-    case = case_of(scene, lidar, seed, work)
-    lines = lines_of(case.frames)
-    seconds = recorded_s(case.frames.numbers, case.frames.period_s)
-    detector_time = detector_ms(case.frames)
+    frames, detected, all_truth = case_of(scene, lidar, seed, work)
+    lines = lines_of(frames)
+    seconds = recorded_s(frames.numbers, frames.period_s)
+    detector_time = detector_ms(frames)
     keys = {"scene": scene, "lidar": lidar, "preset": "datasheet", "seed": seed}
-    truth = case.truth[case.truth.visibility >= 0].reset_index(drop=True)
+    truth = all_truth[all_truth.visibility >= 0].reset_index(drop=True)
     lasting = truth.groupby("id").frame.transform("size") > LASTING
     perfect = truth[lasting].assign(score=0.95).reset_index(drop=True)
-    for name, boxes in (("detector", case.boxes), ("true", perfect)):
+    for name, boxes in (("detector", detected), ("true", perfect)):
         start = time.process_time()
-        tracks = pi.track(boxes.drop(columns="t_s", errors="ignore"), case.frames)
+        tracks = pi.track(boxes.drop(columns="t_s", errors="ignore"), frames)
         tracker_ms = 1000 * (time.process_time() - start) / FRAMES
-        found = compare_with(case.truth, tracks, lines, within_m=WITHIN_M, seconds=seconds)
+        found = compare_with(all_truth, tracks, lines, within_m=WITHIN_M, seconds=seconds)
         per_frame = len(tracks) / FRAMES
         yield {
             **keys,
@@ -116,30 +107,10 @@ def rows(scene: str, lidar: str, seed: int, work: Path) -> Iterator[dict[str, ob
             "passages": len(found.passages),
             "never": len(found.missed),
             "extra": int((found.passages.true_id < 0).sum()),
-            "movements": " ".join(
-                f"{row.movement.replace(' ', '_')}:{row.true}:{row.counted}"
-                for row in found.movements.itertuples()
-            ),
             "detector_ms": round(detector_time, 1),
             "tracker_ms": round(tracker_ms, 2),
             "tracks_per_frame": round(per_frame, 1),
         }
-
-
-def time_per_frame(objects: int = OBJECTS) -> float:
-    """Returns the processor time of the tracker for a frame with many objects, in milliseconds."""
-    rng = np.random.default_rng(1)
-    xy = np.stack(np.meshgrid(np.arange(10) * 12 - 60, np.arange(10) * 4 - 20), axis=-1)
-    xy = xy.reshape(-1, 2)[:objects].astype(np.float64)
-    tracker, times = Tracker(view=view_of(None)), list[float]()
-    for k in range(60):
-        position: FloatArray = xy + np.array([1.2 * k, 0]) + rng.normal(0, 0.1, xy.shape)
-        table = pd.DataFrame({"x": position[:, 0], "y": position[:, 1], "z": -5.0, "dx": 4.5})
-        boxes = boxes_of(table.assign(dy=1.8, dz=1.5, heading=0.0, score=0.9, type="vehicle"))
-        start = time.process_time()
-        tracker.step(0.1 * (k + 1), boxes)
-        times.append(1000 * (time.process_time() - start))
-    return float(np.median(times[10:]))
 
 
 @command
@@ -157,23 +128,10 @@ def main(
     work : working folder for frames, about 5 GB
     seeds : traffic seeds; a seed also seeds the training (default: 1 2 3)
     """
-    hundred_ms = round(time_per_frame(), 2)
-    records = []
     for scene in scenes:
         for lidar in (POLES_LIDAR,) if scene == POLES else lidars:
             for seed in seeds:
-                records += [
-                    row
-                    | {"hundred_objects_ms": hundred_ms}
-                    | provenance(f"tracks --work WORK --scenes {scene} --lidars {lidar}")
-                    for row in rows(scene, lidar, seed, work)
-                ]
-                print(pd.Series(records[-2])[["scene", "lidar", "seed", "hota", "never", "extra"]])
-                table = pd.DataFrame(records)
-                keys = ["scene", "lidar", "seed", "boxes"]
-                if out.is_file():
-                    other = pd.read_csv(out)
-                    mine = table.set_index(keys).index
-                    other = other[~other.set_index(keys).index.isin(mine)]
-                    table = pd.concat([other, table], ignore_index=True)
-                table.to_csv(out, index=False)
+                made_by = provenance(f"tracks --work WORK --scenes {scene} --lidars {lidar}")
+                table = pd.DataFrame(rows(scene, lidar, seed, work)).assign(**made_by)
+                print(table.iloc[0][["scene", "lidar", "seed", "hota", "never", "extra"]])
+                store.put(out, table, KEY)

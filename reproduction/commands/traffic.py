@@ -26,8 +26,6 @@ from pyinfra.scenes.maps.traffic_figures import TrafficFigures, traffic_figures
 from reproduction import provenance
 from reproduction.arguments import Out, command
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 SEEDS = (1, 2)
 ON_FOOT = ("Pedestrian",)
 

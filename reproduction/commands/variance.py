@@ -35,8 +35,6 @@ from reproduction.commands.experiments import TEXT, at_catalogue_law, at_own_cut
 from reproduction.commands.verdicts import LEAST_REPLICATES, WIDE
 from reproduction.frames_number import number_of
 
-VERSION = 1  # version of the results; increase it if a change alters the results
-
 CHOICES = ["judge", "scene", "preset", "label_time"]
 COLUMNS = ["quantity", "judge", "component", "sd", "groups"]
 DIFFERENCE = "avia less ruby_plus"

@@ -44,8 +44,6 @@ from reproduction.commands.experiments import TEXT, at_own_cut_angle
 from reproduction.frames_number import number_of
 from reproduction.tables.common import results
 
-VERSION = 2  # version of the results; increase it if a change alters the results
-
 TESTS_AFTER = (3, 5, 10)  # numbers of replicates after which a claim is tested
 LEVEL = 1 - 0.05 / len(TESTS_AFTER)  # confidence level of each test
 LEAST_REPLICATES = TESTS_AFTER[0]

@@ -195,7 +195,6 @@ def summary(table: pd.DataFrame) -> Iterator[dict[str, object]]:
         each = {
             "mean error": partial(_over_poses, _mean_error, predicted, measured),
             "mean error with the same traffic": partial(_same_traffic_error, figure),
-            "bias": partial(_over_poses, _bias, predicted, measured),
             "mean error of another seed": partial(_over_seeds, _mean_error, measured),
         }
         for name, of in each.items():
@@ -234,9 +233,7 @@ def row(measure: str, predictor: str, values: FloatArray) -> dict[str, object]:
 
 def limits(measure: str) -> tuple[float, float]:
     """Returns the least and the largest possible value of a measure."""
-    if measure.startswith("r "):
-        return -1.0, 1.0
-    return (-math.inf if measure.startswith("bias") else 0.0), math.inf
+    return (-1.0, 1.0) if measure.startswith("r ") else (0.0, math.inf)
 
 
 def per_group(table: pd.DataFrame, of: Callable[[pd.DataFrame], float]) -> FloatArray:
@@ -262,10 +259,6 @@ def _same_traffic_error(figure: str, group: pd.DataFrame) -> float:
 
 def _mean_error(a: FloatArray, b: FloatArray) -> float:
     return float(np.abs(a - b).mean())
-
-
-def _bias(a: FloatArray, b: FloatArray) -> float:
-    return float((a - b).mean())
 
 
 def _correlation(a: FloatArray, b: FloatArray) -> float:

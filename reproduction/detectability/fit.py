@@ -1,7 +1,5 @@
 """Fits the laws of detectability, by Newton's method with a penalty of the coefficients."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

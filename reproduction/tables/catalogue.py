@@ -6,7 +6,7 @@ import numpy as np
 
 from pyinfra.dataset.catalogue import lidar_file
 from pyinfra.dataset.lidars import read_catalogue
-from reproduction.tables.common import LIDARS, markdown, results
+from reproduction.tables.common import LIDARS, Rows, results, rows_with, with_heads
 from reproduction.tables.rungs import BANDS
 
 PRESET, SCENE = "datasheet", "highway"
@@ -19,11 +19,18 @@ ASSUMPTIONS = {
 }
 
 
-def catalogue() -> str:
+@with_heads(
+    "product",
+    "name",
+    "name in results",
+    "view, degrees",
+    "range at 10 %, m",
+    "US$",
+    *BANDS.values(),
+)
+def catalogue() -> Rows:
     """Returns a table of the LiDARs, with their points per vehicle."""
-    table = results("frame_numbers")
-    table = table[table.scene == SCENE]
-    rows = []
+    table = rows_with(results("frame_numbers"), scene=SCENE)
     for sheet in read_catalogue(PRESET):
         part = table[table.lidar == sheet.name]
         points = [
@@ -35,14 +42,12 @@ def catalogue() -> str:
         called = LIDARS.get(sheet.name, "")
         view = f"{sheet.horizontal_fov_deg:.0f} x {sheet.vertical_fov_deg:.0f}"
         facts = [view, f"{sheet.range_at_10_percent_m:.0f}", price]
-        rows.append([sheet.model, f"`{sheet.name}`", called, *facts, *points])
-    heads = ["product", "name", "name in results", "view, degrees", "range at 10 %, m", "US$"]
-    return markdown([*heads, *BANDS.values()], rows)
+        yield [sheet.model, f"`{sheet.name}`", called, *facts, *points]
 
 
-def sources() -> str:
+@with_heads("product", "pattern", "assumed or not published", "grades", "price")
+def sources() -> Rows:
     """Returns a table of what each LiDAR is, and what about it is assumed."""
-    rows = []
     for sheet in read_catalogue(PRESET):
         text = lidar_file(sheet.name).read_text(encoding="utf-8")
         head = re.match(r"(#[^\n]*\n)+", text)
@@ -52,9 +57,7 @@ def sources() -> str:
         assumed = [words for key, words in ASSUMPTIONS.items() if is_assumed(text, key)]
         graded = [grade for grade in GRADES if f"[{grade}]" in text]
         price = f"{sheet.price_source}, {sheet.price_date}".strip(", ")
-        rows.append([sheet.model, what, ", ".join(assumed), ", ".join(graded), price])
-    heads = ["product", "pattern", "assumed or not published", "grades", "price"]
-    return markdown(heads, rows)
+        yield [sheet.model, what, ", ".join(assumed), ", ".join(graded), price]
 
 
 def is_assumed(text: str, key: str) -> bool:

@@ -1,11 +1,11 @@
 """Names, number formats and rows for all tables."""
 
+import functools
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple
-from functools import cache
-from typing import Any
+from typing import Any, ParamSpec
 
 import pandas as pd
 
@@ -31,6 +31,8 @@ LIDARS = {
     "helios_16": "16 lines",
 }
 
+Rows = Iterator[Sequence[str]]
+P = ParamSpec("P")  # arguments of a function that makes a table
 
 # Tables of results whose values do not depend on simulated frames.
 WITHOUT_FRAMES = frozenset(("evaluation", "impossible_sites", "lidars", "ops", "steps"))
@@ -42,9 +44,16 @@ def results(name: str) -> pd.DataFrame:
     return _read(name)
 
 
-@cache
+@functools.cache
 def _read(name: str) -> pd.DataFrame:
     return pd.read_csv(ROOT / "results" / f"{name}.csv")
+
+
+def rows_with(table: pd.DataFrame, **values: object) -> pd.DataFrame:
+    """Returns the rows of a table that have these values in their columns."""
+    for column, value in values.items():
+        table = table[table[column] == value]
+    return table
 
 
 def with_frames(make: Callable[[], str]) -> str:
@@ -82,6 +91,19 @@ def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     if missing := next((line for line in lines if re.search(r"\bnan\b", line)), None):
         raise ValueError(f"expected a value in each cell of a table, got the row {missing.strip()}")
     return "".join([lines[0], "|" + "---|" * len(heads) + "\n", *lines[1:]])
+
+
+def with_heads(*heads: str) -> Callable[[Callable[P, Rows]], Callable[P, str]]:
+    """Decorates a function that yields the rows of a table; it then returns the Markdown table."""
+
+    def decorated(rows: Callable[P, Rows]) -> Callable[P, str]:
+        @functools.wraps(rows)
+        def table(*args: P.args, **kwargs: P.kwargs) -> str:
+            return markdown(heads, rows(*args, **kwargs))
+
+        return table
+
+    return decorated
 
 
 # Maps the head of a column to a template of its cells, such as `{objects:,}`, or to a function that

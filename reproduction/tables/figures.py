@@ -1,7 +1,5 @@
 """The first figures of the pages of results, from results/*.csv."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable
 from dataclasses import astuple, dataclass

@@ -5,9 +5,12 @@ import pandas as pd
 from pyinfra.core.vocabulary import PRESETS
 from reproduction.tables.common import (
     LIDARS,
+    Rows,
     markdown,
     number,
     results,
+    rows_with,
+    with_heads,
     with_interval,
 )
 
@@ -68,10 +71,8 @@ OF_SCANNING = (
 
 def rows_of(table: pd.DataFrame, claim: str, words: str, **equal: str) -> pd.DataFrame:
     """Returns a claim's rows that have `words` in their statement and the given column values."""
-    keep = (table.claim == claim) & table.statement.str.contains(words, regex=False)
-    for column, value in equal.items():
-        keep &= table[column] == value
-    return table[keep]
+    of_words = table[table.statement.str.contains(words, regex=False)]
+    return rows_with(of_words, claim=claim, **equal)
 
 
 def in_short() -> str:
@@ -98,13 +99,12 @@ def scanned(claim: str, words: str, preset: str) -> str:
     return " or ".join(verdicts) + of_lidars + times
 
 
-def scanning() -> str:
+@with_heads("claim", "vehicles, distance", *PRESETS)
+def scanning() -> Rows:
     """Returns a table with the value, interval and verdict of each claim about scanning."""
-    rows = []
     for claim, words, statement, where in OF_SCANNING:
         cells = (scanned_row(claim, words, preset) for preset in PRESETS)
-        rows.append([statement, where, *cells])
-    return markdown(["claim", "vehicles, distance", *PRESETS], rows)
+        yield [statement, where, *cells]
 
 
 def scanned_row(claim: str, words: str, preset: str) -> str:

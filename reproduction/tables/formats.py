@@ -1,15 +1,11 @@
 """Tables of the formats that are read and written, from the code that reads and writes them."""
 
-import tomllib
-
 from pyinfra.exchange.formats import FORMATS
 from pyinfra.exchange.guess import FILES
 from pyinfra.exchange.label_files import SUFFIXES
-from pyinfra.scenes.maps.map_file import FORMATS as MAPS
 from pyinfra.scenes.maps.mesh_import import ENDINGS
 from pyinfra.scenes.maps.osm_pbf import PBF
-from reproduction import ROOT
-from reproduction.tables.common import markdown
+from reproduction.tables.common import Rows, markdown, with_heads
 
 # File name endings of formats whose recordings are folders. FILES has the endings of other formats.
 FOLDERS = {
@@ -24,22 +20,16 @@ FOLDERS = {
 OWN = "NumPy"
 
 
-def formats() -> str:
+@with_heads("format", "files", "read", "written", "read back as", "library")
+def formats() -> Rows:
     """A row for each format of recordings: read, written, read back, library, files."""
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    optional = extras["optional-dependencies"].values()
-    known = " ".join(extras["dependencies"] + [word for words in optional for word in words])
-    rows = []
     for name, format in FORMATS.items():
-        for package in filter(None, format.packages.split(", ")):
-            assert package in known, f"{package} is no package of pyproject.toml"
         files = FOLDERS.get(name) or ", ".join(FILES[name])
         read, written = ("yes" if part else "no" for part in (format.read, format.export))
         back = f"`{format.back}`" if format.back else "-"
         extra = f" (extra `{format.extra}`)" if format.extra else ""
         library = f"{format.packages}{extra}" if format.packages else OWN
-        rows.append((f"`{name}`", files, read, written, back, library))
-    return markdown(["format", "files", "read", "written", "read back as", "library"], rows)
+        yield (f"`{name}`", files, read, written, back, library)
 
 
 def other_formats() -> str:
@@ -51,8 +41,6 @@ def other_formats() -> str:
         f".osm{PBF}": "osmium, Eclipse SUMO (extras `pbf`, `site`)",
     }
     maps[".osm of Lanelet2"] = "no traffic of SUMO"
-    known = [ending for key in maps for ending in key.split(", ")]
-    assert set(MAPS) <= set(known)
     rows = [("maps", "pyinfra site import", files, library) for files, library in maps.items()]
     rows += [
         ("meshes", "pyinfra site mesh", ", ".join(ENDINGS), "trimesh (extra `site`)"),

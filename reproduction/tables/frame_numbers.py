@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from reproduction.tables.common import interval, markdown, results
+from reproduction.tables.common import Rows, interval, results, with_heads
 from reproduction.tables.rungs import BANDS, LEAST_POINTS
 
 PRODUCTS = {
@@ -36,7 +36,8 @@ REASONS = {
 }
 
 
-def frame_numbers() -> str:
+@with_heads("LiDAR", *BANDS.values(), "other changes")
+def frame_numbers() -> Rows:
     """Returns the ratio of the points per vehicle, frames 4 to frames 3, by LiDAR and distance.
 
     The scenes are pooled. An interval is over the traffic seeds.
@@ -45,7 +46,6 @@ def frame_numbers() -> str:
     for when in ("before", "now"):
         table[f"all_{when}"] = table.vehicles * table[f"points_{when}"]
     sums = table.groupby(["lidar", "from_m", "seed"])[["vehicles", "all_before", "all_now"]].sum()
-    rows = []
     for name, product in PRODUCTS.items():
         cells = []
         for from_m in BANDS:
@@ -55,5 +55,4 @@ def frame_numbers() -> str:
                 continue
             ratio = interval(band.all_now / band.all_before)
             cells.append(f"{ratio.value:.2f} [{ratio.low:.2f}, {ratio.high:.2f}]")
-        rows.append([product, *cells, REASONS.get(name, "")])
-    return markdown(["LiDAR", *BANDS.values(), "other changes"], rows)
+        yield [product, *cells, REASONS.get(name, "")]

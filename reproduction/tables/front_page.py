@@ -1,10 +1,11 @@
 """Makes the three findings of README, each with its measurement conditions."""
 
+import pandas as pd
+
 from pyinfra.core.vocabulary import PRESETS
-from reproduction.commands.experiments import at_catalogue_law
 from reproduction.commands.verdicts import LEVEL
+from reproduction.tables import sentences
 from reproduction.tables.common import markdown, number, results, tenth
-from reproduction.tables.findings import rows_of
 
 
 def findings() -> str:
@@ -16,8 +17,7 @@ def far_points() -> list[str]:
 
     The row has the ratio of the Avia to the best other LiDAR under each of three presets.
     """
-    table = results("scanning_claims")
-    rows = rows_of(table, "far-range", " common,").set_index("preset")
+    rows = sentences.far_points()
     paper, equal, datasheet = (number(rows.value[preset]) for preset in PRESETS)
     (seeds,) = set(rows.seeds)
     return [
@@ -45,11 +45,7 @@ def same_vehicles() -> list[str]:
 
     The row has the differences under the study's settings and by data sheets.
     """
-    table = at_catalogue_law(results("claims"))
-    keep = (table.claim == "comparable") & (table.subset == "common")
-    keep &= table["judge"] == "fine-tuned"
-    keep &= (table.scene == "highway") & (table.label_time == "scan")
-    rows = table[keep].set_index("preset")
+    rows: pd.DataFrame = sentences.rows_of("comparable", subset="common").loc["highway"]
     paper, datasheet = (f"{rows.value[name]:+.1f}" for name in ("paper", "datasheet"))
     intervals = "; ".join(
         f"[{tenth(rows.low[name])}, {tenth(rows.high[name])}] {words}"

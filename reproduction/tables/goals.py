@@ -1,12 +1,10 @@
 """Tables of detectors on the frozen test sites of frames 4."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pandas as pd
 
-from reproduction.tables.common import markdown, results
+from reproduction.tables.common import Rows, results, with_heads
 
 TITLES = {
     "ap_r1000": "AP (R1000)",
@@ -25,24 +23,22 @@ SHOWN = {
 PILOTS = {"single": "pilot, single frames", "past": "pilot with the past"}
 
 
-def goals() -> str:
+@with_heads("sites", "kind", "objects", "figure", "version 3", "version 4", "difference")
+def goals() -> Rows:
     """Returns a table of both versions of the pretrained detector, by set of sites and kind."""
     table = results("detector_goals").query("objects > 0")
     earlier, present = (table[table.model == name] for name in ("generalist-3", "generalist"))
-    rows = []
     for old, new in zip(earlier.itertuples(), present.itertuples(), strict=True):
         kind, figure = str(new.kind), TITLES[str(new.figure)]
         where, values = f"{new.set} ({new.sites})", (_value(old), _value(new))
-        rows.append([where, kind, str(new.objects), figure, *values, _value(new, "difference")])
-    heads = ["sites", "kind", "objects", "figure", "version 3", "version 4", "difference"]
-    return markdown(heads, rows)
+        yield [where, kind, str(new.objects), figure, *values, _value(new, "difference")]
 
 
-def pilots() -> str:
+@with_heads("sites", "kind", "figure", "detector", "value", "difference")
+def pilots() -> Rows:
     """Returns a table of the pilots' figures and their differences to version 3."""
     table = results("detector_pilots").query("objects > 0")
     kept = [pair in SHOWN for pair in zip(table.kind, table.figure, strict=True)]
-    rows = []
     for row in table[kept].itertuples():
         arm, _, seed = str(row.model).partition("_")
         if arm == "past" and row.inputs != "past":
@@ -50,8 +46,7 @@ def pilots() -> str:
         name = f"{PILOTS[arm]}, seed {seed}" if arm in PILOTS else "version 3"
         less = _value(row, "difference") if arm in PILOTS else ""
         where = f"{row.set} ({row.sites})"
-        rows.append([where, row.kind, TITLES[row.figure], name, _value(row), less])
-    return markdown(["sites", "kind", "figure", "detector", "value", "difference"], rows)
+        yield [where, row.kind, TITLES[row.figure], name, _value(row), less]
 
 
 def _value(row: Any, name: str = "") -> str:

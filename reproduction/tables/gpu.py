@@ -8,7 +8,17 @@ import yaml
 
 from reproduction import ROOT
 from reproduction.tables.common import DETECTORS as NAMES
-from reproduction.tables.common import Columns, markdown, number, of_rows, results, tenth
+from reproduction.tables.common import (
+    Columns,
+    Rows,
+    markdown,
+    number,
+    of_rows,
+    results,
+    rows_with,
+    tenth,
+    with_heads,
+)
 
 DETECTORS = ("centerpoint-pillar", "pointpillars", "dsvt", "pv-rcnn", "pointrcnn")
 AP_STEPS = 100  # number of training steps of tier `quick` before the AP is measured
@@ -19,37 +29,21 @@ OPEN = "not measured"
 
 def _measured(tier: str) -> pd.DataFrame:
     """Returns the measured values of a tier; one row per device, detector and setting."""
-    table = results("gpu")
-    of_tier = table[table.tier == tier]
-    return of_tier.pivot_table("value", ["device", "detector", "setting"], "measure", sort=False)
-
-
-def _share(value: float) -> str:
-    return OPEN if pd.isna(value) else f"{100 * value:.0f} %"
+    table = rows_with(results("gpu"), tier=tier)
+    return table.pivot_table("value", ["device", "detector", "setting"], "measure", sort=False)
 
 
 def _rates(table: pd.DataFrame) -> pd.DataFrame:
-    has = "steps_per_s" in table
-    return table[table.steps_per_s.notna()].reset_index() if has else pd.DataFrame()
+    return table[table.steps_per_s.notna()].reset_index()
 
 
-def rates() -> str:
+@with_heads("device", "detector", "setting", "steps/s", "GPU waits", "memory (GB)", "40,000 steps")
+def rates() -> Rows:
     """Returns a table of the training rates of the tier `full` on a GPU."""
-    heads = ["device", "detector", "setting", "steps/s", "GPU waits", "memory (GB)", "40,000 steps"]
-    rows = [
-        [
-            row.device,
-            NAMES[row.detector],
-            row.setting,
-            number(row.steps_per_s),
-            _share(getattr(row, "waits", float("nan"))),
-            OPEN if pd.isna(getattr(row, "memory_gb", None)) else tenth(row.memory_gb),
-            f"{STEPS / row.steps_per_s / 3600:.1f} h",
-        ]
-        for row in _rates(_measured("full")).itertuples()
-    ]
-    missing = [name for name in DETECTORS if NAMES[name] not in {row[1] for row in rows}]
-    return markdown(heads, [*rows, *(["a GPU", NAMES[name], *[OPEN] * 5] for name in missing)])
+    for row in _rates(_measured("full")).itertuples():
+        figures = [number(row.steps_per_s), f"{100 * row.waits:.0f} %", tenth(row.memory_gb)]
+        time = f"{STEPS / row.steps_per_s / 3600:.1f} h"
+        yield [row.device, NAMES[row.detector], row.setting, *figures, time]
 
 
 def rates_of_cpu() -> str:
@@ -61,19 +55,12 @@ def rates_of_cpu() -> str:
     return markdown(["device", "detector", "steps/s", "latency"], rows)
 
 
-def detection() -> str:
+@with_heads("device", "detector", "latency")
+def detection() -> Rows:
     """Returns a table of the latency of the tier `full` on a GPU, from points to boxes."""
     table = _measured("full").reset_index()
-    timed = table[table.latency_ms.notna()] if "latency_ms" in table else table[:0]
-    rows = [
-        [row.device, NAMES[row.detector], f"{tenth(row.latency_ms)} ms"]
-        for row in timed.itertuples()
-    ]
-    missing = [name for name in DETECTORS if name not in set(timed.detector)]
-    return markdown(
-        ["device", "detector", "latency"],
-        [*rows, *(["a GPU", NAMES[name], OPEN] for name in missing)],
-    )
+    for row in table[table.latency_ms.notna()].itertuples():
+        yield [row.device, NAMES[row.detector], f"{tenth(row.latency_ms)} ms"]
 
 
 def accuracy() -> str:
@@ -90,8 +77,7 @@ def accuracy() -> str:
 
 def batches() -> str:
     """Returns a table of the batches per second by the number of workers."""
-    table = results("gpu")
-    table = table[table.measure == "batches_per_s"]
+    table = rows_with(results("gpu"), measure="batches_per_s")
     columns: Columns = {
         "device": "{device}",
         "processes that make batches": lambda row: str(row["setting"].split()[0]),
@@ -100,19 +86,17 @@ def batches() -> str:
     return of_rows(table, columns)
 
 
-def hours() -> str:
+@with_heads("detector", "trainings", "GPU hours with the fastest setting")
+def hours() -> Rows:
     """Returns a table of the GPU hours of the study's matrix with the tier `full`."""
     axes, each = ("detectors", "scenes", "lidars", "presets", "seeds"), list[tuple[object, ...]]()
     for part in yaml.safe_load(MATRIX.read_text(encoding="utf-8"))["matrix"]:
         each += itertools.product(*(part.get(name, [1]) for name in axes))
     count = Counter(str(one[0]) for one in dict.fromkeys(each))  # each experiment counts once
     table = _rates(_measured("full"))
-    best = table.groupby("detector").steps_per_s.max() if len(table) else pd.Series(dtype=float)
-    rows = []
+    best = table.groupby("detector").steps_per_s.max()
     for name, trainings in count.items():
         network = "pointrcnn" if name == "pointrcnn-remedied" else name
         if network in DETECTORS:
-            rate = best.get(network)
-            time = OPEN if rate is None else f"{trainings * STEPS / rate / 3600:.0f}"
-            rows.append([NAMES[name], str(trainings), time])
-    return markdown(["detector", "trainings", "GPU hours with the fastest setting"], rows)
+            time = f"{trainings * STEPS / best[network] / 3600:.0f}"
+            yield [NAMES[name], str(trainings), time]

@@ -1,7 +1,5 @@
 """Makes the table of AP with stacked frames."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from pyinfra.metrics.comparison import Interval

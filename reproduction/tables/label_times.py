@@ -12,7 +12,14 @@ from scipy import stats
 from pyinfra.core.arrays import FloatArray
 from reproduction.commands.experiments import at_catalogue_law
 from reproduction.commands.verdicts import LEAST_REPLICATES
-from reproduction.tables.common import LIDARS, markdown, mean_of_ap, results
+from reproduction.tables.common import (
+    LIDARS,
+    Rows,
+    mean_of_ap,
+    results,
+    rows_with,
+    with_heads,
+)
 from reproduction.tables.verdicts import SETUPS
 
 LABEL_TIMES = {"scan": "scan time", "frame": "mid-frame"}
@@ -27,8 +34,8 @@ def _aps() -> Iterator[tuple[tuple[str, str, str], Aps]]:
     The AP of all LiDARs and label times is of the same replicates.
     """
     table = at_catalogue_law(results("experiments"))
-    table = table[(table.subset == "captured") & table["judge"].isin(SETUPS)]
-    table = table[table.training_cut_angle_deg == 0]
+    table = rows_with(table, subset="captured", training_cut_angle_deg=0)
+    table = table[table["judge"].isin(SETUPS)]
     for key, part in table.groupby(["scene", "preset", "judge"], sort=False):
         aps = {
             (str(lidar), str(label_time)): rows.pivot_table(
@@ -49,41 +56,39 @@ def of_setup(setup: str) -> Aps:
     return dict(_aps())["highway", "paper", SETUPS[setup]]
 
 
-def label_times() -> str:
+@with_heads(
+    "scene",
+    "preset",
+    "detector",
+    "LiDAR",
+    *(f"labels at {text}" for text in LABEL_TIMES.values()),
+    "difference",
+)
+def label_times() -> Rows:
     """Returns the AP at both label times, as means over cut angles, and the paired difference."""
-    rows = []
     for key, aps in _aps():
         for lidar in dict.fromkeys(lidar for lidar, _ in aps):
             both = [aps[lidar, label_time].mean(axis=1) for label_time in LABEL_TIMES]
             cells = [mean_of_ap(one) for one in (*both, both[1] - both[0])]
-            rows.append([*key, LIDARS[lidar], *cells])
-    heads = [f"labels at {text}" for text in LABEL_TIMES.values()]
-    return markdown(["scene", "preset", "detector", "LiDAR", *heads, "difference"], rows)
+            yield [*key, LIDARS[lidar], *cells]
 
 
-def cut_angles() -> str:
+@with_heads(
+    "scene", "preset", "detector", "LiDAR", "labels at", *(f"{a} degrees" for a in ANGLES_DEG), "p"
+)
+def cut_angles() -> Rows:
     """Returns the AP of spinning LiDARs at each cut angle, and whether the angles differ.
 
     `p` is the probability of differences as large or larger if the angle has no effect (F test
     with replicates as blocks).
     """
-    rows = []
     for key, aps in _aps():
         for (lidar, label_time), table in aps.items():
             if len(table.columns) == len(ANGLES_DEG):
                 means = [f"{table[angle].mean():.1f}" for angle in ANGLES_DEG]
                 p = _probability(table.to_numpy(float))
                 text = "<0.01" if p < 0.01 else f"{p:.2f}"
-                rows.append([*key, LIDARS[lidar], LABEL_TIMES[label_time], *means, text])
-    heads = [
-        "scene",
-        "preset",
-        "detector",
-        "LiDAR",
-        "labels at",
-        *(f"{a} degrees" for a in ANGLES_DEG),
-    ]
-    return markdown([*heads, "p"], rows)
+                yield [*key, LIDARS[lidar], LABEL_TIMES[label_time], *means, text]
 
 
 def _probability(table: FloatArray) -> float:
@@ -96,16 +101,23 @@ def _probability(table: FloatArray) -> float:
     return float(stats.f.sf(between / within, groups - 1, (groups - 1) * (blocks - 1)))
 
 
-def training_cut_angles() -> str:
+@with_heads(
+    "scene",
+    "preset",
+    "detector",
+    "LiDAR",
+    "trained at",
+    *(f"tested at {a} degrees" for a in ANGLES_DEG),
+)
+def training_cut_angles() -> Rows:
     """Returns the AP of detectors that were trained at several cut angles with mid-frame labels.
 
     Each row is one cut angle of the training, and each column one of the tests. All of them have
     the same replicates.
     """
     table = at_catalogue_law(results("experiments"))
-    table = table[(table.subset == "captured") & (table.label_time == "frame")]
+    table = rows_with(table, subset="captured", label_time="frame")
     groups = table.groupby(["scene", "preset", "judge", "lidar"], sort=False)
-    rows = []
     for (scene, preset, setup, lidar), part in groups:
         angles = sorted(set(part.training_cut_angle_deg))
         if len(angles) > 1:
@@ -113,11 +125,7 @@ def training_cut_angles() -> str:
             aps = part.pivot_table(index="replicate", columns=columns, values="ap_r1000").dropna()
             for angle in angles:
                 cells = [mean_of_ap(aps[angle, test]) for test in ANGLES_DEG]
-                rows.append(
-                    [scene, preset, SETUPS[setup], LIDARS[lidar], f"{angle} degrees", *cells]
-                )
-    heads = ["scene", "preset", "detector", "LiDAR", "trained at"]
-    return markdown([*heads, *(f"tested at {a} degrees" for a in ANGLES_DEG)], rows)
+                yield [scene, preset, SETUPS[setup], LIDARS[lidar], f"{angle} degrees", *cells]
 
 
 def trained_at_angles(lidar: str) -> dict[int, pd.Series]:
@@ -126,21 +134,25 @@ def trained_at_angles(lidar: str) -> dict[int, pd.Series]:
     The detector is fine-tuned, with mid-frame labels, on the highway with preset `paper`.
     """
     table = at_catalogue_law(results("experiments"))
-    keep = (table.subset == "captured") & (table.label_time == "frame")
-    keep &= (table["judge"] == "fine-tuned") & (table.lidar == lidar)
-    keep &= (table.scene == "highway") & (table.preset == "paper")
-    means = table[keep].groupby(["training_cut_angle_deg", "cut_angle_deg"]).ap_r1000.mean()
+    table = rows_with(table, scene="highway", preset="paper", lidar=lidar, judge="fine-tuned")
+    table = rows_with(table, subset="captured", label_time="frame")
+    means = table.groupby(["training_cut_angle_deg", "cut_angle_deg"]).ap_r1000.mean()
     return {int(angle): means[angle] for angle in means.index.unique(0)}
 
 
-def comparison() -> str:
+@with_heads(
+    "scene",
+    "preset",
+    "detector",
+    "labels at",
+    "Avia minus 128 lines, AP",
+    "range over single cut angles",
+)
+def comparison() -> Rows:
     """Returns the Avia's AP minus that of 128 lines at each label time and cut angle."""
-    rows = []
     for key, aps in _aps():
         for label_time, text in LABEL_TIMES.items():
             avia, wide = aps[NARROW, label_time][0], aps[WIDE, label_time]
             less = wide.mul(-1).add(avia, axis=0)
             ends = f"{less.mean().min():.1f} to {less.mean().max():.1f}"
-            rows.append([*key, text, mean_of_ap(less.mean(axis=1)), ends])
-    heads = ["scene", "preset", "detector", "labels at", "Avia minus 128 lines, AP"]
-    return markdown([*heads, "range over single cut angles"], rows)
+            yield [*key, text, mean_of_ap(less.mean(axis=1)), ends]

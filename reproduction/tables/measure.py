@@ -1,19 +1,11 @@
 """Makes tables about the reliability of intervals."""
 
-import pandas as pd
-
-from reproduction.tables.common import LIDARS, markdown, results
+from reproduction.tables.common import LIDARS, markdown, results, rows_with
 from reproduction.tables.sentences import span
 
 
-def rows_of_stays() -> pd.DataFrame:
-    """Returns the coverage of intervals whose blocks are as long as the stay of a vehicle."""
-    table = results("coverage")
-    return table[table.rule == "as long as a stay"]
-
-
 def intervals() -> str:
-    held = rows_of_stays().held_percent
+    held = results("coverage").held_percent
     return (
         f"Nominal 95 % intervals contain the true AP in {span(held)} % of simulated tests, if time "
         "blocks are as long as the stay of a vehicle."
@@ -22,7 +14,7 @@ def intervals() -> str:
 
 def coverage() -> str:
     """Returns a table by scene and test span of the coverage and width of intervals of AP."""
-    table = rows_of_stays()
+    table = results("coverage")
     rows = []
     for (scene, span_s), group in table.groupby(["scene", "span_s"], sort=False):
         cells = [f"{r.held_percent:.0f} ({r.width:.1f})" for r in group.itertuples()]
@@ -33,8 +25,7 @@ def coverage() -> str:
 
 def correlation() -> str:
     """Returns a table of block lengths and of correlation times of Background's errors."""
-    table = results("correlation")
-    table = table[table.ground_truth == "all"]
+    table = rows_with(results("correlation"), ground_truth="all")
     by_lidar = table.pivot(index="scene", columns="lidar", values="correlation_s")
     rows = [
         [scene, f"{group.block_s.iloc[0]:.0f}", *(f"{by_lidar.loc[scene, x]:.0f}" for x in LIDARS)]

@@ -10,10 +10,11 @@ from pyinfra.metrics.comparison import over_replicates
 from reproduction.tables.common import (
     LEAST_BOXES,
     LIDARS,
+    Rows,
     ends,
-    markdown,
     of_rows,
     results,
+    with_heads,
     with_interval_of_ap,
 )
 
@@ -32,12 +33,21 @@ PARTS = ("reading", "pillars", "layers", "boxes")  # parts of the pretrained det
 MANY_LABELS = 200  # minimum number of labels in the test frames
 
 
-def generalist_sites() -> str:
+@with_heads(
+    "LiDAR",
+    "sites",
+    "vehicles",
+    "precision",
+    "range at 80 % of the sites",
+    "predicted precision",
+    "recall",
+)
+def generalist_sites() -> Rows:
     """Returns a table of the pretrained detector's precision and recall of vehicles by LiDAR.
 
     The sites were not used in training.
     """
-    rows, table = [], results("generalist_sites")
+    table = results("generalist_sites")
     for lidar, group in table[table["class"] == "vehicle"].groupby("lidar", sort=True):
         totals = group[["boxes", "objects"]].sum()
         right = (group.precision * group.boxes).sum()
@@ -50,17 +60,24 @@ def generalist_sites() -> str:
             f"{predicted:.2f}",
             f"{right / totals.objects:.2f}",
         )
-        rows.append([str(lidar), str(group.site.nunique()), f"{totals.objects:.0f}", *shares])
-    heads = ["precision", "range at 80 % of the sites", "predicted precision", "recall"]
-    return markdown(["LiDAR", "sites", "vehicles", *heads], rows)
+        yield [str(lidar), str(group.site.nunique()), f"{totals.objects:.0f}", *shares]
 
 
-def generalist_classes() -> str:
+@with_heads(
+    "class",
+    "objects",
+    "boxes",
+    "precision",
+    "predicted precision",
+    "recall",
+    "sites with an error up to 0.05",
+)
+def generalist_classes() -> Rows:
     """Returns a table of the pretrained detector's precision and recall by class.
 
     The sites were not used in training.
     """
-    rows, table = [], results("generalist_sites")
+    table = results("generalist_sites")
     for name, group in table.groupby("class", sort=False):
         group = group.assign(
             right=group.precision * group.boxes,
@@ -72,14 +89,12 @@ def generalist_classes() -> str:
         off = (sites.predicted - sites.right).abs() / sites.boxes
         shares = (f"{v:.2f}" for v in (right / boxes, predicted / boxes, right / objects))
         close = f"{100 * (off <= 0.05).mean():.0f} % of {len(sites)}"
-        rows.append([str(name), f"{objects:.0f}", f"{boxes:.0f}", *shares, close])
-    heads = ["class", "objects", "boxes", "precision", "predicted precision", "recall"]
-    return markdown([*heads, "sites with an error up to 0.05"], rows)
+        yield [str(name), f"{objects:.0f}", f"{boxes:.0f}", *shares, close]
 
 
-def generalist() -> str:
+@with_heads("site", "LiDAR", "seed", *ARMS.values())
+def generalist() -> Rows:
     """Returns a table of AP (R1000) of pretrained, fine-tuned and site-trained detectors."""
-    rows = []
     table = results("generalist")
     for (site, lidar, seed), group in table.groupby(["site", "lidar", "seed"], sort=False):
         by_arm = group.set_index("arm")
@@ -87,17 +102,16 @@ def generalist() -> str:
             with_interval_of_ap(*ends(by_arm.loc[arm], "ap_r1000")) if arm in by_arm.index else ""
             for arm in ARMS
         )
-        rows.append([str(site), str(lidar), str(seed), *cells])
-    return markdown(["site", "LiDAR", "seed", *ARMS.values()], rows)
+        yield [str(site), str(lidar), str(seed), *cells]
 
 
-def compared_with_site_trained() -> str:
+@with_heads("sites", "detector", "experiments", "mean of sites", "median", "range")
+def compared_with_site_trained() -> Rows:
     """Returns a table of differences in AP (R1000) to a site-trained detector.
 
     Each site is one replicate. Its value is the mean over its traffic seeds, because results of
     different seeds at one site are not independent.
     """
-    rows = []
     table = results("generalist")
     key = ["site", "seed", "lidar"]
     by_arm = table.pivot_table("ap_r1000", key, "arm")
@@ -115,9 +129,7 @@ def compared_with_site_trained() -> str:
         spread = f"{least} to {most}"
         mean = with_interval_of_ap(*astuple(over_replicates(of_sites)))
         counts = f"{len(less)} of {len(of_sites)} sites"
-        rows.append([kind, ARMS[arm], counts, mean, middle, spread])
-    heads = ["sites", "detector", "experiments", "mean of sites", "median", "range"]
-    return markdown(heads, rows)
+        yield [kind, ARMS[arm], counts, mean, middle, spread]
 
 
 def of_unseen_sites() -> pd.DataFrame:
@@ -171,46 +183,46 @@ def unseen_shown() -> str:
     )
 
 
-def fairness() -> str:
+@with_heads("scene", "seed", "LiDAR", "not fine-tuned", "fine-tuned, 120 steps", "gain")
+def fairness() -> Rows:
     """Returns a table of each LiDAR's gain in AP from 120 training steps at a scene."""
-    rows = []
     for (site, seed, lidar), group in results("fairness").groupby(
         ["site", "seed", "lidar"], sort=False
     ):
         before, after = group.set_index("arm").ap_r1000[["none", "tuned_120"]]
-        rows.append(
-            [site, str(seed), lidar, f"{before:.1f}", f"{after:.1f}", f"{after - before:+.1f}"]
-        )
-    return markdown(
-        ["scene", "seed", "LiDAR", "not fine-tuned", "fine-tuned, 120 steps", "gain"], rows
-    )
+        yield [site, str(seed), lidar, f"{before:.1f}", f"{after:.1f}", f"{after - before:+.1f}"]
 
 
-def detector_latency() -> str:
+@with_heads("scene", "LiDAR", "points, thousands", "PyTorch", "one thread", "two threads", *PARTS)
+def detector_latency() -> Rows:
     """Returns a table of the time of a frame by scene and LiDAR, and of its parts."""
     table = results("detector_latency")
     table["name"] = table.engine + " " + table.threads.astype(str)
-    rows = []
     for (scene, lidar), group in table.groupby(["scene", "lidar"], sort=False):
         ms = group.set_index(["name", "part"]).ms_p50
         whole = [f"{ms[name, 'all']:.0f}" for name in ("pytorch 1", "package 1", "package 2")]
         parts = [f"{ms['package 1', part]:.1f}" for part in PARTS]
         title = f"four LiDARs of {LIDARS[lidar]}" if scene == "crossroad_poles" else LIDARS[lidar]
         points = f"{group.points.iloc[0] / 1000:.0f}"
-        rows.append([scene.partition("_")[0], title, points, *whole, *parts])
-    heads = ["PyTorch", "one thread", "two threads", *PARTS]
-    return markdown(["scene", "LiDAR", "points, thousands", *heads], rows)
+        yield [scene.partition("_")[0], title, points, *whole, *parts]
 
 
-def onnx_files() -> str:
+@with_heads(
+    "detector",
+    "LiDAR",
+    "AP",
+    "AP of the file",
+    "AP without suppression",
+    "time, ms",
+    "time of the file, ms",
+    "of which suppression, ms",
+)
+def onnx_files() -> Rows:
     """Returns a table of AP and time of detectors and of their ONNX files."""
-    rows = []
     for (lidar, detector), group in results("onnx_files").groupby(
         ["lidar", "detector"], sort=False
     ):
         by = group.set_index("engine")
         ap = [f"{by.ap_r1000[name]:.1f}" for name in ("pytorch", "file", "without suppression")]
         ms = [f"{by.ms_p50['pytorch']:.0f}", f"{by.ms_p50['file']:.0f}"]
-        rows.append([detector, LIDARS[lidar], *ap, *ms, f"{by.ms_more_p50['file']:.1f}"])
-    heads = ["AP", "AP of the file", "AP without suppression", "time, ms", "time of the file, ms"]
-    return markdown(["detector", "LiDAR", *heads, "of which suppression, ms"], rows)
+        yield [detector, LIDARS[lidar], *ap, *ms, f"{by.ms_more_p50['file']:.1f}"]

@@ -4,7 +4,14 @@ from typing import Any
 
 import pandas as pd
 
-from reproduction.tables.common import markdown, of_rows, results, with_interval_of_ap
+from reproduction.tables.common import (
+    Rows,
+    markdown,
+    of_rows,
+    results,
+    with_heads,
+    with_interval_of_ap,
+)
 
 PREDICTORS = {
     "ap_predicted": "AP predicted by the detectability",
@@ -41,18 +48,15 @@ def _cell(row: pd.Series) -> str:
     return with_interval_of_ap(float(row.value), float(row.low), float(row.high))
 
 
-def predictors() -> str:
+@with_heads("detector", "predictor", "r within a site", "median r", "regret, AP")
+def predictors() -> Rows:
     """Returns a table of the correlation and the regret of each predictor, by detector."""
     table = results("detectability_summary").set_index(["detector", "measure", "predictor"])
-    rows = []
     for detector in table.index.unique(0):
         for predictor, name in PREDICTORS.items():
             r = table.loc[(detector, "r within a site", predictor)]
             regret = table.loc[(detector, "regret of the best pose, AP", predictor)]
-            rows.append(
-                [detector, name, TWO_DIGITS.format_map(r), f"{r['median']:.2f}", _cell(regret)]
-            )
-    return markdown(["detector", "predictor", "r within a site", "median r", "regret, AP"], rows)
+            yield [detector, name, TWO_DIGITS.format_map(r), f"{r['median']:.2f}", _cell(regret)]
 
 
 def by_traffic() -> str:
@@ -75,20 +79,19 @@ def by_traffic() -> str:
     return markdown(["detector", "predictor", "r, less traffic", "r, more traffic"], rows)
 
 
-def errors() -> str:
+@with_heads("detector", "comparison", "AP", "recall, percent")
+def errors() -> Rows:
     """Returns a table of the mean errors of predicted AP and recall, by detector.
 
     A row names what is compared with which measurement.
     """
     table = results("detectability_summary").set_index(["detector", "measure"])
-    rows = []
     for detector in table.index.unique(0):
         for measure, name in ERRORS.items():
             cells = [
                 _cell(table.loc[(detector, f"{measure}, {figure}")]) for figure in ("ap", "recall")
             ]
-            rows.append([detector, name, *cells])
-    return markdown(["detector", "comparison", "AP", "recall, percent"], rows)
+            yield [detector, name, *cells]
 
 
 def reliability() -> str:

@@ -9,11 +9,13 @@ from pyinfra.metrics.comparison import Interval
 from reproduction.tables.common import (
     DETECTORS,
     LIDARS,
+    Rows,
     interval,
     markdown,
     mean_of_ap,
     results,
     signed,
+    with_heads,
 )
 
 LEAST_POINTS = 1.0  # minimum number of points per vehicle in a band that is compared between LiDARs
@@ -76,7 +78,13 @@ def largest_relative(rung: pd.DataFrame, points: pd.DataFrame) -> Relative:
     return best
 
 
-def rungs() -> str:
+@with_heads(
+    "changed model",
+    *(f"{band}, %" for band in BANDS.values()),
+    "largest change of a ratio, %",
+    "default",
+)
+def rungs() -> Rows:
     """Returns a table of what each model changes in the points per vehicle.
 
     A cell has the lowest and the highest change of the rung's LiDARs in percent, as means over
@@ -84,7 +92,6 @@ def rungs() -> str:
     """
     table = changes()
     points = table.groupby(["lidar", "from_m"]).points_default.mean().unstack()
-    rows = []
     for name, rung in table.groupby("rung", sort=False):
         means = rung.groupby(["from_m", "lidar"]).change.mean()
         cells = []
@@ -94,25 +101,18 @@ def rungs() -> str:
             cells.append(f"{of_band.min():+.1f} to {of_band.max():+.1f}")
         top = largest_relative(rung, points)
         pair = f"{NAMES[top.lidar]} relative to {NAMES[top.other]}, {BANDS[top.from_m]}"
-        rows.append([str(name), *cells, f"{signed(top.change)}: {pair}", DEFAULTS[str(name)]])
-    heads = [
-        "changed model",
-        *(f"{band}, %" for band in BANDS.values()),
-        "largest change of a ratio, %",
-    ]
-    return markdown([*heads, "default"], rows)
+        yield [str(name), *cells, f"{signed(top.change)}: {pair}", DEFAULTS[str(name)]]
 
 
-def rungs_by_lidar(rung: str = "one ray") -> str:
+@with_heads("LiDAR", *(f"{band}, %" for band in BANDS.values()))
+def rungs_by_lidar(rung: str = "one ray") -> Rows:
     """Returns a table of what one model changes, by LiDAR and distance, in percent."""
     table = changes()
     of_rung = table[table.rung == rung]
-    rows = []
     for name in of_rung.lidar.unique():
         one = of_rung[of_rung.lidar == name]
         cells = [signed(interval(one[one.from_m == from_m].change)) for from_m in BANDS]
-        rows.append([NAMES[name], *cells])
-    return markdown(["LiDAR", *(f"{band}, %" for band in BANDS.values())], rows)
+        yield [NAMES[name], *cells]
 
 
 def rungs_ap() -> str:

@@ -23,8 +23,8 @@ from reproduction.claims.two_detectors import (
     UNDECIDED,
 )
 from reproduction.commands.experiments import at_catalogue_law
-from reproduction.tables import verdicts
-from reproduction.tables.common import results
+from reproduction.tables import findings, verdicts
+from reproduction.tables.common import results, rows_with
 
 WIDE, AVIA = "ruby_plus", "livox_avia"
 FAST, SLOW = ("pointpillars", "centerpoint-pillar"), ("pv-rcnn", "dsvt")
@@ -64,8 +64,8 @@ def within(changes: Iterable[Interval]) -> str:
 def rows_of(claim: str, judge: str = "fine-tuned", subset: str = "captured") -> pd.DataFrame:
     """Returns the rows of a claim with labels at scan time, by scene and preset."""
     table = at_catalogue_law(results("claims"))
-    keep = (table.claim == claim) & (table["judge"] == judge) & (table.subset == subset)
-    return table[keep & (table.label_time == "scan")].set_index(["scene", "preset"])
+    rows = rows_with(table, claim=claim, judge=judge, subset=subset, label_time="scan")
+    return rows.set_index(["scene", "preset"])
 
 
 def where(rows: pd.DataFrame, word: str = "and") -> str:
@@ -128,6 +128,12 @@ def of_both(claim: str) -> str:
     )
 
 
+def far_points() -> pd.DataFrame:
+    """Returns the rows on the points of vehicles within the range of all LiDARs, by preset."""
+    far = findings.rows_of(results("scanning_claims"), "far-range", " common,")
+    return far.set_index("preset")
+
+
 def areas() -> str:
     share = "share of high-quality areas"
     rows = rows_of("areas")
@@ -146,6 +152,12 @@ def areas() -> str:
     )
 
 
+def of_networks() -> pd.DataFrame:
+    """Returns the verdicts on `comparable` of networks that were trained as in the study."""
+    rows = rows_of("comparable", "from nothing").loc[[("highway", "paper")]]
+    return rows[rows.verdict != TOO_FEW].set_index("detector")
+
+
 def comparable() -> str:
     captured, common = (rows_of("comparable", subset=s) for s in ("captured", "common"))
     lower = {
@@ -153,10 +165,9 @@ def comparable() -> str:
         for name, part, digits in (("captured", captured, 0), ("common", common, 1))
         for preset in SETTINGS
     }
-    networks = rows_of("comparable", "from nothing").loc[[("highway", "paper")]]
-    networks = networks[networks.verdict != TOO_FEW]
+    networks = of_networks()
     worst, best = networks.low.min(), networks.high.max()
-    named = joined([NAMES[str(name)] for name in networks.detector])
+    named = joined([NAMES[str(name)] for name in networks.index])
     every = known(bool((captured.value < 0).all() & (common.value < 0).all()), "lower")
     return (
         f"After fine-tuning, the Avia's AP is {every} than that of 128 lines. The difference is "
@@ -171,8 +182,7 @@ def comparable() -> str:
 
 
 def detector_decides() -> str:
-    networks = rows_of("comparable", "from nothing").loc[[("highway", "paper")]]
-    networks = networks[networks.verdict != TOO_FEW].set_index("detector")
+    networks = of_networks()
     parts = [
         f"`{verdict}` with {joined([NAMES[str(name)] for name in part.index])}"
         for verdict, part in networks.groupby("verdict", sort=False)
@@ -253,9 +263,7 @@ def detectors() -> str:
 
 def points() -> str:
     """Returns the ratio of points on far vehicles under each preset, with its interval."""
-    table = results("scanning_claims")
-    far = table[(table.claim == "far-range") & table.statement.str.contains(" common,")]
-    rows = far.set_index("preset")
+    rows = far_points()
     low = known(
         bool(rows.low["paper"] > 1 and (rows.high[["equal", "datasheet"]] < 1).all()),
         "fewer",

@@ -5,12 +5,15 @@ import pandas as pd
 from pyinfra.metrics.comparison import Interval
 from reproduction.tables.common import (
     LIDARS,
+    Rows,
     interval,
     markdown,
     mean_of_ap,
     of_rows,
     results,
+    rows_with,
     signed,
+    with_heads,
 )
 
 MODEL = ["detail", "aggregation", "parts", "vegetation", "label_time", "frames"]
@@ -24,13 +27,13 @@ def speed() -> str:
     return of_rows(now, {"measurement": "{what}", "value": "{value:.2f} {unit}"})
 
 
-def growth() -> str:
+@with_heads("scene", "CPU time per frame, ms", "CPU time of the start, s", "peak memory, MB")
+def growth() -> Rows:
     """Returns a table of the time and memory of `infrasim run` by the size of a scene, with the
     values of version 0.4 in brackets."""
     table = results("growth").set_index(["build", "quantity", "size"])
     here = table.loc["this"]
     before = table.loc["other"].reindex(here.index) if "other" in table.index else None
-    rows = []
     for (quantity, size), row in here.iterrows():
         cells = []
         for column, digits in (("frame_ms", 1), ("start_s", 2), ("peak_mb", 0)):
@@ -38,10 +41,7 @@ def growth() -> str:
             if before is not None and pd.notna(other := before.loc[(quantity, size), column]):
                 text += f" ({other:.{digits}f})"
             cells.append(text)
-        rows.append([f"{quantity}: {size:,}", *cells])
-    return markdown(
-        ["scene", "CPU time per frame, ms", "CPU time of the start, s", "peak memory, MB"], rows
-    )
+        yield [f"{quantity}: {size:,}", *cells]
 
 
 def by_seed(rows: pd.DataFrame) -> pd.DataFrame:
@@ -86,8 +86,7 @@ def changes_of_models(
 
 def _models(detector: str, preset: str) -> tuple[pd.DataFrame, dict[str, str], pd.DataFrame]:
     """Returns the rows of all models, the settings of the default one, and its AP by seed."""
-    table = results("ladder")
-    table = table[(table.detector == detector) & (table.preset == preset)]
+    table = rows_with(results("ladder"), detector=detector, preset=preset)
     table = table.astype(dict.fromkeys(MODEL, str))
     usual = {setting: table[setting].mode()[0] for setting in MODEL}
     return table, usual, by_seed(table[(table[MODEL] == pd.Series(usual)).all(axis=1)])

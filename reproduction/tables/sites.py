@@ -9,14 +9,18 @@ from pyinfra.metrics.comparison import Interval, over_replicates
 from reproduction.tables.common import (
     DETECTORS,
     LIDARS,
-    markdown,
+    Rows,
     results,
+    rows_with,
     signed,
+    with_heads,
     with_interval,
     with_interval_of_ap,
 )
 
 PEOPLE_POINTS, PEOPLE_BIN_M = 5, 10  # the same values as in the command `people`
+PEOPLE_AT_M = (20, 50, 100, 150)
+SITE_STEPS = ("import", "traffic", "check", "run")
 POLE_DETECTORS = DETECTORS | {"background-again": "Background, trained again"}
 Aps = Mapping[tuple[int, str], pd.Series]  # AP by seed, for each number of poles and error
 COMPARED = "6m"
@@ -36,23 +40,24 @@ POLE_ERRORS = {
 }
 
 
-def people() -> str:
+@with_heads(
+    "LiDAR",
+    "distance of pedestrians, m",
+    "distance of cyclists, m",
+    *(f"points on a pedestrian, {m} to {m + PEOPLE_BIN_M} m" for m in PEOPLE_AT_M),
+)
+def people() -> Rows:
     """Returns a table of points on pedestrians and cyclists by LiDAR.
 
     It has the largest distance with at least PEOPLE_POINTS points, and points at four distances.
     """
     table = results("people")
-    at_m = (20, 50, 100, 150)
-    rows = []
     for lidar, group in table.groupby("lidar", sort=False):
         walkers = group[group["class"] == "Pedestrian"].set_index("from_m").points
         distances = [
             people_distance(group[group["class"] == name]) for name in ("Pedestrian", "Cyclist")
         ]
-        rows.append([str(lidar), *distances, *(f"{walkers.get(m, 0):g}" for m in at_m)])
-    heads = ["LiDAR", "distance of pedestrians, m", "distance of cyclists, m"]
-    points = (f"points on a pedestrian, {m} to {m + PEOPLE_BIN_M} m" for m in at_m)
-    return markdown([*heads, *points], rows)
+        yield [str(lidar), *distances, *(f"{walkers.get(m, 0):g}" for m in PEOPLE_AT_M)]
 
 
 def people_distance(bins: pd.DataFrame) -> str:
@@ -74,87 +79,108 @@ def people_distance(bins: pd.DataFrame) -> str:
     return f"{text} (all to {end[unbroken]})"
 
 
-def traffic() -> str:
+@with_heads(
+    "network",
+    "seed",
+    "vehicles and riders + pedestrians",
+    "tracks left out",
+    "turn, degrees",
+    "acceleration, m/s2",
+    "overlaps, %",
+    "appear or vanish inside",
+)
+def traffic() -> Rows:
     """Returns a table of the motion of SUMO's road users before and after smoothing."""
-    rows = []
     for (net, seed), group in results("traffic").groupby(["net", "seed"], sort=False):
         before, after = group.iloc[0], group.iloc[1]
         pairs = ("turn_deg", "acceleration_m_s2", "overlap_percent")
         figures = (f"{before[name]:.4g} / {after[name]:.4g}" for name in pairs)
         tracks = f"{after.vehicles_and_riders} + {after.pedestrians}"
-        rows.append([net, str(seed), tracks, str(after.left_out), *figures, str(after.appearing)])
-    heads = [
-        "network",
-        "seed",
-        "vehicles and riders + pedestrians",
-        "tracks left out",
-        "turn, degrees",
-    ]
-    return markdown([*heads, "acceleration, m/s2", "overlaps, %", "appear or vanish inside"], rows)
+        yield [net, str(seed), tracks, str(after.left_out), *figures, str(after.appearing)]
 
 
-def sites() -> str:
+@with_heads(
+    "site",
+    "lanes",
+    "triangles, thousands",
+    "vehicles",
+    *(f"{step}, s" for step in SITE_STEPS),
+    "Background, s",
+    "AP of `all`, 128 lines",
+    "AP of `all`, Avia",
+    "AP of `captured`, Avia",
+)
+def sites() -> Rows:
     """Returns a table of ten maps: their content, the time of each step, and Background's AP."""
     table = results("sites")
-    steps = ("import", "traffic", "check", "run")
-    rows = []
     for site, group in table.groupby("site", sort=False):
         first = group.iloc[0]
         counts = [f"{first.lanes}", f"{first.triangles / 1000:.0f}", f"{first.vehicles}"]
-        seconds = [f"{first[f'{step}_s']:.1f}" for step in steps]
+        seconds = [f"{first[f'{step}_s']:.1f}" for step in SITE_STEPS]
         by_lidar = group.set_index("lidar")
         line = by_lidar.loc["ruby_plus"]
         seconds += [f"{line.detect_s + line.evaluate_s:.1f}"]
         ap_cells = [site_ap(by_lidar.loc[lidar], "all") for lidar in ("ruby_plus", "livox_avia")]
         captured = [site_ap(by_lidar.loc["livox_avia"], "captured")]
-        rows.append([str(site).replace("_", " "), *counts, *seconds, *ap_cells, *captured])
-    heads = ["site", "lanes", "triangles, thousands", "vehicles", *(f"{step}, s" for step in steps)]
-    heads += ["Background, s", "AP of `all`, 128 lines", "AP of `all`, Avia"]
-    heads += ["AP of `captured`, Avia"]
-    return markdown(heads, rows)
+        yield [str(site).replace("_", " "), *counts, *seconds, *ap_cells, *captured]
 
 
 def site_ap(row: pd.Series, truth: str) -> str:
     return with_interval_of_ap(*(float(row[f"ap_{truth}{end}"]) for end in ("", "_low", "_high")))
 
 
-def poles() -> str:
+@with_heads(
+    "LiDAR",
+    "detector",
+    "AP with 1 pole",
+    "2 poles",
+    "4 poles",
+    "2 poles minus 1",
+    "4 poles minus 2",
+)
+def poles() -> Rows:
     """Returns a table of AP by number of poles, and of the gain from more poles."""
-    rows = []
     for names, aps in ap_of_poles():
         ap = [_mean(aps[n, "none"]) if (n, "none") in aps else "" for n in (1, 2, 4)]
         gains = [_change(aps, (n, "none"), (n // 2, "none")) for n in (2, 4)]
-        rows.append([*names, *ap, *gains])
-    heads = ["AP with 1 pole", "2 poles", "4 poles", "2 poles minus 1", "4 poles minus 2"]
-    return markdown(["LiDAR", "detector", *heads], rows)
+        yield [*names, *ap, *gains]
 
 
-def pole_points() -> str:
+@with_heads(
+    "LiDAR",
+    "points on the median vehicle",
+    "boxes on background per frame",
+    "misplaced boxes per frame",
+)
+def pole_points() -> Rows:
     """Returns a table of the points on the median vehicle and of Background's false positives.
 
     A table cell has the values for one, two and four poles, as means over the traffic seeds.
     """
-    table = results("poles")
-    table = table[(table.error == "none") & (table.ground_truth == "all")]
-    means = (
-        table[table.detector == "background"].groupby(["lidar", "poles"]).mean(numeric_only=True)
-    )
+    where = {"detector": "background", "error": "none", "ground_truth": "all"}
+    table = rows_with(results("poles"), **where)
+    means = table.groupby(["lidar", "poles"]).mean(numeric_only=True)
     columns = {"points_per_vehicle": 0, "background_per_frame": 1, "misplaced_per_frame": 1}
-    rows = []
     for lidar, words in LIDARS.items():
         if lidar in means.index:
             of_lidar = means.loc[lidar].loc[[1, 2, 4]]
             cells = [" / ".join(f"{v:.{d}f}" for v in of_lidar[c]) for c, d in columns.items()]
-            rows.append([words, *cells])
-    heads = ["points on the median vehicle", "boxes on background per frame"]
-    return markdown(["LiDAR", *heads, "misplaced boxes per frame"], rows)
+            yield [words, *cells]
 
 
-def places() -> str:
+@with_heads(
+    "LiDAR",
+    "position",
+    "hidden",
+    "AP of visible vehicles",
+    "AP of all vehicles",
+    "recall, %",
+    "AP of all vehicles minus that at the corner, 6 m",
+)
+def places() -> Rows:
     """Returns a table of AP by LiDAR position, with paired differences to position COMPARED."""
     table = results("places").fillna({"minus": ""})
     keys = ["ground_truth", "place", "minus", "measure"]
-    rows = []
     for lidar, group in table.groupby("lidar", sort=False):
         by_key = {tuple(row[key] for key in keys): row for _, row in group.iterrows()}
         for place, words in PLACES.items():
@@ -174,20 +200,17 @@ def places() -> str:
                 less = signed(Interval(after.value, after.low, after.high))
             elif before is not None:
                 less = signed(Interval(-before.value, -before.high, -before.low))
-            rows.append([str(lidar), words, f"{hidden:.0f} %", *cells, less])
-    heads = ["LiDAR", "position", "hidden", "AP of visible vehicles", "AP of all vehicles"]
-    return markdown([*heads, "recall, %", "AP of all vehicles minus that at the corner, 6 m"], rows)
+            yield [str(lidar), words, f"{hidden:.0f} %", *cells, less]
 
 
-def pole_errors() -> str:
+@with_heads("LiDAR", "detector", "poles", *POLE_ERRORS.values())
+def pole_errors() -> Rows:
     """Returns a table of the AP that each clock or pose error costs, with two and four poles."""
-    rows = []
     for names, aps in ap_of_poles():
         for n in (2, 4):
             cells = [_change(aps, (n, error), (n, "none")) for error in POLE_ERRORS]
             if any(cells):
-                rows.append([*names, f"{n}", *cells])
-    return markdown(["LiDAR", "detector", "poles", *POLE_ERRORS.values()], rows)
+                yield [*names, f"{n}", *cells]
 
 
 def ap_of_poles() -> Iterator[tuple[list[str], Aps]]:
@@ -195,8 +218,7 @@ def ap_of_poles() -> Iterator[tuple[list[str], Aps]]:
 
     The AP is that of ground-truth subset `all`.
     """
-    table = results("poles")
-    table = table[table.ground_truth == "all"]
+    table = rows_with(results("poles"), ground_truth="all")
     for detector, (lidar, words) in itertools.product(POLE_DETECTORS, LIDARS.items()):
         selected = table[(table.lidar == lidar) & (table.detector == detector)]
         if len(selected):

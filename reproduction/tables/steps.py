@@ -2,14 +2,15 @@
 
 from reproduction import RECORDED, ROOT, engine
 from reproduction.steps import OTHERS, STEPS
-from reproduction.tables.common import markdown
+from reproduction.tables.common import Rows, markdown, with_heads
 
 
-def steps() -> str:
+@with_heads("file", "command", "parts", "CPU h", "source")
+def steps() -> Rows:
     """Returns a row for each command, and the sum."""
     record = engine.recorded(engine.Places(RECORDED, ROOT / "out/steps"))
     took = (record.groupby("command").cpu_s.last() / 3600).to_dict()
-    rows, total, secondary = [], 0.0, 0.0
+    total, secondary = 0.0, 0.0
     for step in STEPS:
         for command in step.commands:
             words = command.words.replace("{", "results/").replace("}", "")
@@ -17,12 +18,11 @@ def steps() -> str:
             known = set(parts) <= set(took)
             hours = sum(took[part] for part in parts) if known else command.cpu_h
             source = "recorded" if known else command.source
-            rows.append([f"`{step.name}`", f"`{words}`", str(len(parts)), f"{hours:.2g}", source])
+            yield [f"`{step.name}`", f"`{words}`", str(len(parts)), f"{hours:.2g}", source]
             total += hours
             secondary += hours * command.secondary
-    rows.append(["**all**", "", "", f"**{total:.1f}**", ""])
-    rows.append(["**all with `--primary`**", "", "", f"**{total - secondary:.1f}**", ""])
-    return markdown(["file", "command", "parts", "CPU h", "source"], rows)
+    yield ["**all**", "", "", f"**{total:.1f}**", ""]
+    yield ["**all with `--primary`**", "", "", f"**{total - secondary:.1f}**", ""]
 
 
 def others() -> str:

@@ -1,7 +1,5 @@
 """Makes the table of the stress test over several traffic seeds."""
 
-from dataclasses import astuple
-
 import numpy as np
 import pandas as pd
 
@@ -9,7 +7,7 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.experiments.stress.stressors import NONE, STRESSORS, Stressor
 from pyinfra.experiments.stress.summary import BEYOND, FALL, crossing
 from pyinfra.metrics.comparison import over_replicates
-from reproduction.tables.common import LIDARS, markdown, results, signed, with_interval_of_ap
+from reproduction.tables.common import LIDARS, markdown, mean_of_ap, results, signed
 from reproduction.tables.verdicts import SETUPS
 
 
@@ -24,7 +22,7 @@ def stress() -> str:
     columns = dict(list(table.groupby(["lidar", "setup"], sort=False)))
     columns = {(a, b): columns[a, b] for a in LIDARS for b in SETUPS if (a, b) in columns}
     unstressed = {key: _aps(part, NONE.name, "0") for key, part in columns.items()}
-    rows = [["AP (R1000) without stress", *(_mean(ap) for ap in unstressed.values())]]
+    rows = [["AP (R1000) without stress", *(mean_of_ap(ap) for ap in unstressed.values())]]
     for stressor in (STRESSORS[name] for name in table.stressor.unique() if name in STRESSORS):
         if stressor.named:
             for severity in table[table.stressor == stressor.name].severity.unique():
@@ -43,10 +41,6 @@ def _aps(part: pd.DataFrame, stressor: str, severity: str) -> pd.Series:
     """Returns the AP by seed; empty if the stressor does not apply to the LiDAR."""
     rows = part[(part.stressor == stressor) & (part.severity.astype(str) == severity)]
     return rows.set_index("seed").ap_r1000
-
-
-def _mean(values: pd.Series) -> str:
-    return with_interval_of_ap(*astuple(over_replicates(values.to_list())))
 
 
 def _change(values: pd.Series) -> str:

@@ -4,7 +4,7 @@ from typing import Any
 
 import pandas as pd
 
-from reproduction.tables.common import LIDARS, Columns, number, of_rows, results
+from reproduction.tables.common import LIDARS, Columns, number, of_rows, results, rows_with
 
 SCENES = {
     "highway": "highway",
@@ -26,8 +26,7 @@ SUMS = (
 
 def rows_of(boxes: str) -> pd.DataFrame:
     """Returns a row for each scene and LiDAR: means or sums over the traffic seeds."""
-    table = results("tracks")
-    table = table[table.boxes == boxes]
+    table = rows_with(results("tracks"), boxes=boxes)
     groups = table.groupby(["scene", "lidar"], sort=False)
     how = dict.fromkeys(MEANS, "mean") | dict.fromkeys(SUMS, "sum")
     order = {name: i for i, name in enumerate((*SCENES, *LIDARS))}

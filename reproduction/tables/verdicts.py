@@ -29,9 +29,12 @@ from reproduction.commands.verdicts import (
 from reproduction.tables.common import (
     DETECTORS,
     LIDARS,
+    Rows,
     markdown,
     mean_of_ap,
     results,
+    rows_with,
+    with_heads,
 )
 
 SETUPS = {
@@ -110,9 +113,7 @@ def aps_of(
     The replicates are those of the verdicts.
     """
     table = at_catalogue_law(at_own_cut_angle(results("experiments")))
-    table = table[
-        (table.subset == subset) & (table["judge"] == setup) & (table.label_time == "scan")
-    ]
+    table = rows_with(table, subset=subset, judge=setup, label_time="scan")
     for (scene, preset), rows in table.groupby(["scene", "preset"], sort=False):
         wide = rows.pivot_table(index="replicate", columns="lidar", values="ap_r1000").dropna()
         if len(wide) >= LEAST_REPLICATES:
@@ -123,15 +124,13 @@ def _name(lidar: str) -> str:
     return LIDARS.get(lidar, "5 Avias" if "avia" in lidar else lidar)
 
 
-def average_precision(subset: str = "captured") -> str:
+@with_heads("scene", "preset", "128 lines", "Avia (crossroad: 5)", "64 lines", "16 lines")
+def average_precision(subset: str = "captured") -> Rows:
     """Returns the AP of the fine-tuned detector: one row per scene and preset."""
-    heads = ["scene", "preset", "128 lines", "Avia (crossroad: 5)", "64 lines", "16 lines"]
-    rows = []
     for pair, aps in aps_of(subset):
         avia = next((name for name in aps if "avia" in name), "livox_avia")
         names = ["ruby_plus", avia, "pandar_64", "helios_16"]
-        rows.append([*pair, *(mean_of_ap(aps[name]) if name in aps else "" for name in names)])
-    return markdown(heads, rows)
+        yield [*pair, *(mean_of_ap(aps[name]) if name in aps else "" for name in names)]
 
 
 def detectors(scene: str, preset: str, subset: str = "captured") -> str:
@@ -162,11 +161,10 @@ def detectors(scene: str, preset: str, subset: str = "captured") -> str:
 def _of_scene(scene: str, preset: str, subset: str) -> tuple[pd.DataFrame, pd.Series]:
     """Returns the experiments of a scene, and the ms of a frame by judge and detector."""
     table = at_catalogue_law(at_own_cut_angle(results("experiments")))
-    keep = (table.scene == scene) & (table.preset == preset) & (table.subset == subset)
-    latency = results("latency")
-    latency = latency[(latency.scene == scene) & (latency.preset == preset)]
+    latency = rows_with(results("latency"), scene=scene, preset=preset)
     times = latency.groupby(["judge", "detector"]).latency_p50_ms.mean()
-    return table[keep & (table.label_time == "scan")], times
+    of_scene = rows_with(table, scene=scene, preset=preset, subset=subset, label_time="scan")
+    return of_scene, times
 
 
 def means_of_detectors(scene: str, preset: str) -> tuple[pd.DataFrame, pd.Series, pd.Series]:
@@ -186,14 +184,13 @@ def _of_detectors(row: Any) -> str:
     return f"{row.value:.1f} [{row.low:.1f}, {row.high:.1f}], {row.verdict}"
 
 
-def claims_of_detectors() -> str:
+@with_heads("claim", "128 lines", "Avia")
+def claims_of_detectors() -> Rows:
     """Returns the verdicts of the claims about detectors: a row per claim, a column per LiDAR."""
     table = results("claims").dropna(subset="lidar")
-    rows = []
     for claim, group in table.groupby("claim", sort=False):
         by_lidar = {row.lidar: _of_detectors(row) for row in group.itertuples()}
-        rows.append([f"`{claim}`", *(by_lidar.get(name, "") for name in (WIDE, "avia"))])
-    return markdown(["claim", "128 lines", "Avia"], rows)
+        yield [f"`{claim}`", *(by_lidar.get(name, "") for name in (WIDE, "avia"))]
 
 
 def bias() -> str:
@@ -213,18 +210,22 @@ def bias() -> str:
     return markdown(heads, rows)
 
 
-def value(preset: str) -> str:
+@with_heads(
+    "scene",
+    "LiDAR",
+    "price, USD",
+    "AP of `present`",
+    f"AP {LEVEL_AP:g} reached",
+    *(f"AP per 1,000 USD, site costs {cost:,}" for cost in SITE_COSTS_USD),
+)
+def value(preset: str) -> Rows:
     """Returns the AP of all vehicles (`present`) of each LiDAR, beside its price."""
     prices = results("lidars").drop_duplicates("lidar").set_index("lidar").price_high_usd
-    heads = ["scene", "LiDAR", "price, USD", "AP of `present`", f"AP {LEVEL_AP:g} reached"]
-    heads += [f"AP per 1,000 USD, site costs {cost:,}" for cost in SITE_COSTS_USD]
-    rows = []
     for (scene, of), aps in aps_of("present"):
         for lidar in prices[list(aps)].sort_values().index if of == preset else ():
             per = [1000 * aps[lidar].mean() / (prices[lidar] + cost) for cost in SITE_COSTS_USD]
             cells = [scene, _name(lidar), f"{prices[lidar]:,.0f}", mean_of_ap(aps[lidar])]
-            rows.append([*cells, _reached(aps[lidar]), *(f"{ratio:.1f}" for ratio in per)])
-    return markdown(heads, rows)
+            yield [*cells, _reached(aps[lidar]), *(f"{ratio:.1f}" for ratio in per)]
 
 
 def _reached(values: pd.Series) -> str:
@@ -293,37 +294,37 @@ def _half_width(sd: pd.Series, replicates: int, tests: int = 2) -> float:
     return math.sqrt(variance_of_mean) * student(replicates)
 
 
-def law_of_range() -> str:
+@with_heads("claim", "vehicles", *(f"exponent {e:g}" for e in LAW_EXPONENTS))
+def law_of_range() -> Rows:
     """Returns the fine-tuned detector's verdicts on the highway at both ends of the law of range.
 
     The presets without a law of range have no row.
     """
-    table = results("claims")
-    table = table[(table.judge == PRIMARY[0][0]) & (table.label_time == "scan")]
-    table = table[(table.scene == "highway") & (table.preset == "datasheet")]
-    rows = []
+    where = {"scene": "highway", "preset": "datasheet", "label_time": "scan"}
+    table = rows_with(results("claims"), judge=PRIMARY[0][0], **where)
     for (claim, subset), part in table.groupby(["claim", "subset"], sort=False):
         by_exponent = part.set_index("law_exponent").verdict
         ends = [by_exponent.get(exponent, "not measured") for exponent in LAW_EXPONENTS]
-        rows.append([f"`{claim}`", f"`{subset}`", *ends])
-    return markdown(["claim", "vehicles", *(f"exponent {e:g}" for e in LAW_EXPONENTS)], rows)
+        yield [f"`{claim}`", f"`{subset}`", *ends]
 
 
-def decided(subsets: Sequence[str] = ("captured", "common", "present")) -> str:
+@with_heads(
+    "preset",
+    "detector",
+    "rows",
+    "`holds` or `fails`",
+    "`depends on the detector`",
+    "narrow intervals",
+    "false verdicts expected, at most",
+)
+def decided(subsets: Sequence[str] = ("captured", "common", "present")) -> Rows:
     """Returns how many primary rows each detector decides, and how many both decide."""
     table = _claims_with_enough_replicates()
     table = table[table.subset.isin(subsets) & (table.label_time == "scan")]
-    rows = [
-        [str(preset), JUDGES[str(judge)], *_counts(part)]
-        for (preset, judge), part in table[table.primary].groupby(["preset", "judge"], sort=False)
-    ]
-    rows += [
-        [str(preset), JUDGES[BOTH], *_counts(part[part.verdict != ONE])]
-        for preset, part in table[table.judge == BOTH].groupby("preset", sort=False)
-    ]
-    heads = ["preset", "detector", "rows", "`holds` or `fails`", "`depends on the detector`"]
-    heads += ["narrow intervals", "false verdicts expected, at most"]
-    return markdown(heads, rows)
+    for (preset, judge), part in table[table.primary].groupby(["preset", "judge"], sort=False):
+        yield [str(preset), JUDGES[str(judge)], *_counts(part)]
+    for preset, part in table[table.judge == BOTH].groupby("preset", sort=False):
+        yield [str(preset), JUDGES[BOTH], *_counts(part[part.verdict != ONE])]
 
 
 def _counts(rows: pd.DataFrame) -> list[str]:

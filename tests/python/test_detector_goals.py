@@ -1,6 +1,6 @@
-"""Figures of detectors on the frozen sites: pairs, queues, and results that are kept."""
+"""Figures of detectors on the frozen sites: pairs and queues."""
 
-from pathlib import Path
+from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -11,8 +11,8 @@ pytest.importorskip("torch", reason="the extra `train` is not installed")
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors import Detections
 from pyinfra.models.detectors.network import Network
+from reproduction import frozen_sites, site_boxes
 from reproduction.commands import detector_goals as goals
-from reproduction.commands import frozen_sites
 
 NEAR = Region(lambda boxes, margin_m: np.hypot(*boxes[:, :2].T) < 20 + margin_m, np.zeros((4, 2)))
 CARS = np.array(
@@ -44,7 +44,7 @@ def test_kinds_count_boxes_in_the_region_anywhere_and_in_queues() -> None:
 
 
 def test_figures_of_replicates_are_those_of_their_sites() -> None:
-    matches = goals.Boxes(
+    matches = site_boxes.Boxes(
         slot=np.array([0, 0, 1, 1]),
         scores=np.array([0.9, 0.6, 0.8, 0.3]),
         right=np.array([True, False, True, True]),
@@ -74,10 +74,7 @@ class Perfect:
         return vehicles(self.boxes, [0.9] * len(self.boxes))
 
 
-@pytest.mark.nightly
-def test_sites_are_measured_once_and_rows_are_paired(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_rows_of_two_models_are_paired(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = list[int]()
 
     def tested_at(*args: Any) -> Any:
@@ -85,16 +82,10 @@ def test_sites_are_measured_once_and_rows_are_paired(
         return [("ruby_plus", [sample(), sample()])]
 
     monkeypatch.setattr(frozen_sites, "tested_at", tested_at)
-    models = {digest: cast(Network, Perfect(wrong)) for digest, wrong in (("a", 0), ("b", 1))}
-    for _ in range(2):
-        for number in (0, 1):
-            goals.run_site("plain", number, models, 2, tmp_path)
+    networks = {digest: cast(Network, Perfect(wrong)) for digest, wrong in (("a", 0), ("b", 1))}
+    pooled = site_boxes.gathered("plain", 2, 2, partial(goals.measured, networks))
     assert asked == [2, 2]
-    files = {
-        digest: [goals.matches_file(tmp_path, "plain", n, digest, 2) for n in (0, 1)]
-        for digest in models
-    }
-    rows = list(goals.rows("plain", files, {"a": "one", "b": "two"}))
+    rows = list(goals.rows("plain", pooled, {"a": "one", "b": "two"}))
     false = [
         (row["model"], row["difference"])
         for row in rows

@@ -16,8 +16,9 @@ import yaml
 from pyinfra.cli import main
 from pyinfra.formats import kitti
 from pyinfra.formats.pcd_file import write_pcd
+from pyinfra.scenes.maps.map_file import FORMATS as MAPS
 from reproduction.commands import tables
-from reproduction.tables import figures
+from reproduction.tables import figures, formats
 
 pytest.importorskip("torch", reason="the extra `train` is not installed")
 
@@ -225,6 +226,21 @@ def test_the_citation_has_the_version_of_the_package() -> None:
     citation = yaml.safe_load((doc_pages.ROOT / "CITATION.cff").read_text())
     project = tomllib.loads((doc_pages.ROOT / "pyproject.toml").read_text())["project"]
     assert [citation["version"], citation["license"]] == [project["version"], project["license"]]
+
+
+def test_the_formats_name_packages_that_the_project_installs() -> None:
+    project = tomllib.loads((doc_pages.ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"].values()
+    known = " ".join([*project["dependencies"], *(word for extra in extras for word in extra)])
+    for format in formats.FORMATS.values():
+        for package in filter(None, format.packages.split(", ")):
+            assert package in known
+
+
+def test_the_other_formats_have_all_maps() -> None:
+    rows = [line[2:-2].split(" | ") for line in formats.other_formats().splitlines()]
+    named = {ending for row in rows if row[0] == "maps" for ending in row[2].split(", ")}
+    assert set(MAPS) <= named
 
 
 def test_the_detector_of_the_page_is_short() -> None:

@@ -32,7 +32,6 @@ WITHOUT_TOY = {
 }
 
 SLEEPS = """
-    VERSION = 1
     import argparse, pathlib, time
     parser = argparse.ArgumentParser()
     parser.add_argument("--number", default="0")
@@ -112,7 +111,7 @@ def test_a_changed_key_makes_a_file_and_what_reads_it_out_of_date(
     elif change == "model":
         monkeypatch.setattr(engine, "MODEL", script)
     elif change == "version":
-        monkeypatch.setattr(engine, "version_of", lambda _: 2)
+        monkeypatch.setitem(engine.VERSIONS, f"{script}", 2)
     else:
         (places.results / "b.csv").unlink()
     assert stale(steps, places) == names
@@ -241,6 +240,11 @@ def test_changed_code_is_refused(monkeypatch: pytest.MonkeyPatch, capsys) -> Non
     ):
         results.main()
     assert "people.csv" in capsys.readouterr().out
+
+
+def test_each_version_is_that_of_a_command() -> None:
+    names = {shlex.split(command.words)[0] for step in STEPS for command in step.commands}
+    assert engine.VERSIONS.keys() <= names
 
 
 def test_an_unknown_file_is_named() -> None:

@@ -16,7 +16,6 @@ PAPER = pd.DataFrame(
         "hits": [1000, 200, 500],
     }
 )
-FLAT = pd.Series({"livox_avia": 2000.0, "helios_16": 100.0})
 
 
 def simulated(*rows: tuple[str, str, float]) -> pd.DataFrame:
@@ -25,17 +24,16 @@ def simulated(*rows: tuple[str, str, float]) -> pd.DataFrame:
 
 def test_errors_are_relative_to_the_paper() -> None:
     table = hit_points.compare(
-        simulated(("livox_avia", "highway", 900), ("helios_16", "highway", 220)), FLAT, PAPER
+        simulated(("livox_avia", "highway", 900), ("helios_16", "highway", 220)), PAPER
     )
     assert table["lidar"].tolist() == ["livox_avia", "helios_16"]
     assert table["paper"].tolist() == [1000, 200]
     np.testing.assert_allclose(table["error"], [-0.1, 0.1])
-    np.testing.assert_allclose(table["flat_error"], [1.0, -0.5])
 
 
 def test_scene_that_the_paper_does_not_have_has_no_error() -> None:
-    table = hit_points.compare(simulated(("livox_avia", "tunnel", 900)), FLAT, PAPER)
-    assert table[["paper", "error", "flat_error"]].isna().all(axis=None)
+    table = hit_points.compare(simulated(("livox_avia", "tunnel", 900)), PAPER)
+    assert table[["paper", "error"]].isna().all(axis=None)
     assert table["simulated"].tolist() == [900]
     text = hit_points.table_text(table)
     assert "mean error" not in text
@@ -49,17 +47,15 @@ def test_printed_table_has_the_mean_and_the_largest_error() -> None:
             ("helios_16", "highway", 204),
             ("livox_avia", "curve", 500),
         ),
-        FLAT,
         PAPER,
     )
     text = hit_points.table_text(table)
     assert "simulated: mean error 4.0%, largest 10.0% (highway, livox_avia)" in text
-    assert "flat ground: mean error 150.0%, largest 300.0% (curve, livox_avia)" in text
     assert "+2.0%" in text
 
 
 def test_written_table_reads_back(tmp_path: Path) -> None:
-    table = hit_points.compare(simulated(("livox_avia", "highway", 912.34)), FLAT, PAPER)
+    table = hit_points.compare(simulated(("livox_avia", "highway", 912.34)), PAPER)
     file = tmp_path / "deep/hit_points.csv"
     hit_points.write_table(table, file)
     (row,) = pd.read_csv(file).to_dict("records")
@@ -74,21 +70,14 @@ def test_paper_has_a_figure_for_every_scene_and_lidar() -> None:
     assert pairs == {(scene, lidar) for scene in catalogue.SCENES for lidar in catalogue.LIDARS}
 
 
-def test_short_run_is_near_the_paper_and_asked_once(tmp_path: Path) -> None:
+def test_short_run_is_near_the_paper() -> None:
     scenes = [catalogue.scene_file("crossroad")]
     lidars = [catalogue.lidar_file(name) for name in ("livox_avia", "pandar_64")]
     steps: list[str] = []
-    table = hit_points.hit_table(scenes, lidars, "0:75:25", cache=tmp_path, progress=steps.append)
-    assert len(steps) == 2
+    table = hit_points.hit_table(scenes, lidars, "0:75:25", progress=steps.append)
+    assert len(steps) == 1
     assert table["lidar"].tolist() == ["livox_avia", "pandar_64"]
     assert (table["error"].abs() < 0.05).all()
-    assert (table["flat_error"].abs() < 0.05).all()
-
-    summaries = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
-    assert len(summaries) == 2
-    again = hit_points.hit_table(scenes, lidars, "0:75:25", cache=tmp_path)
-    pd.testing.assert_frame_equal(again, table)
-    assert {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()} == summaries
 
 
 def test_flat_ground_is_the_level_ground_of_the_arithmetic() -> None:
@@ -105,31 +94,3 @@ def test_flat_ground_is_the_level_ground_of_the_arithmetic() -> None:
     intensity = np.exp(-0.004 * ranges)
     kept = 0.55 * np.where(intensity > 0.8, 1, 1 - (0.4 - 0.5 * intensity))
     assert hits["pandar_64"] == pytest.approx(1800 * kept.sum(), rel=0.01)
-
-
-SUMMARY = """\
-lidar,preset,frames,rays_per_frame,hits_per_frame,vehicles_per_frame,vehicle_points_per_frame,rays_cast_per_frame,seconds,mrays_per_s
-livox_avia,paper,2,24000,900.5,1,10,120,0.1,1
-helios_16,paper,2,28800,220,1,10,120,0.1,1
-"""
-
-
-def test_hits_are_read_from_a_summary(tmp_path: Path) -> None:
-    file = tmp_path / "summary.csv"
-    file.write_text(SUMMARY)
-    assert hit_points.read_hits(file).to_dict() == {"livox_avia": 900.5, "helios_16": 220}
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("hits_per_frame", "hits", "the column hits_per_frame is missing"),
-        ("paper,2", "paper,0", "summary.csv: expected one or more frames"),
-        (SUMMARY[SUMMARY.index("livox") :], "", "summary.csv: expected one or more frames"),
-    ],
-)
-def test_summary_without_hits_is_an_error(tmp_path: Path, old: str, new: str, message: str) -> None:
-    file = tmp_path / "summary.csv"
-    file.write_text(SUMMARY.replace(old, new))
-    with pytest.raises(ValueError, match=message):
-        hit_points.read_hits(file)

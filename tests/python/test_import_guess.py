@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sample_recording import FRAMES, TILT_DEG, records_of
 
 import pyinfra as pi
 from pyinfra.cli import main
@@ -16,7 +17,6 @@ from pyinfra.exchange.imports import SAMPLE
 from pyinfra.exchange.recording import Options
 from pyinfra.formats import kitti
 from pyinfra.formats.pcd_file import read_pcd
-from reproduction.commands.sample import FRAMES, TILT_DEG, records_of
 
 FILES = {
     "kitti": "training/velodyne/000000.bin",

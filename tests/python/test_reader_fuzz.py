@@ -36,7 +36,6 @@ from pyinfra.formats import kitti
 from pyinfra.formats.pcd_file import read_pcd
 from pyinfra.models.detectors.background import Background
 from pyinfra.models.training.recipe import read_recipe
-from reproduction.hit_points import read_hits
 
 SECONDS = float(os.environ.get("FUZZ_SECONDS", "0"))
 EXAMPLES = 200 if SECONDS else 40
@@ -197,7 +196,6 @@ READERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "nuscenes poses": ("nuscenes/v1.0-infrasim/ego_pose.json", recording("nuscenes")),
     "background": ("background.npz", Background.load),
     "results": ("results/quick.csv", results),
-    "summary": ("summary.csv", read_hits),
     "recipe": ("pointpillars.yaml", lambda file: read_recipe(file, "quick")),
     "plan": ("paper.yaml", lambda file: read_plan(file, "quick")),
 }
@@ -225,11 +223,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     report_data.write(folder / "results", {"quick.csv": report_data.experiments()})
     Background.learn([kitti.read_points(kitti.frame_file(pole, "velodyne", FRAME))]).save(
         folder / "background.npz"
-    )
-    (folder / "summary.csv").write_text(
-        "lidar,preset,frames,rays_per_frame,hits_per_frame,vehicles_per_frame,"
-        "vehicle_points_per_frame,rays_cast_per_frame,seconds,mrays_per_s\n"
-        "pole,none,3,100,10.0,1.0,3.0,20,0.1,1.0\n"
     )
     for name in ("detectors/pointpillars.yaml", "benchmarks/paper.yaml"):
         (folder / Path(name).name).write_bytes((CONFIGS / name).read_bytes())

@@ -59,7 +59,7 @@ def options_of(module: str, monkeypatch: pytest.MonkeyPatch) -> argparse.Argumen
     return parsers[0]
 
 
-PROGRAMS = [f"reproduction.commands.{f.stem}" for f in FILES if f.stem != "frozen_sites"]
+PROGRAMS = [f"reproduction.commands.{f.stem}" for f in FILES]
 SPEED = ["ops", "evaluate_speed", "run"]
 
 

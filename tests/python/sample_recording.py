@@ -1,18 +1,18 @@
-"""Writes the sample recording of the package: clouds of a simulated LiDAR, as a driver would."""
+"""Writes the sample recording of the package: clouds of a simulated LiDAR, as a driver would.
 
+python tests/python/sample_recording.py out/sample
+"""
+
+import sys
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 import pyinfra as pi
 from pyinfra.core.arrays import Points, Records
-from pyinfra.exchange.imports import SAMPLE
 from pyinfra.formats.pcd_file import write_pcd
-from reproduction import ROOT
-from reproduction.arguments import command
 
 FRAMES = range(100, 200, 5)  # 20 clouds over 10 s
 ACROSS_M = 19.0  # maximum distance of points from the road's axis, as after a region filter
@@ -21,12 +21,9 @@ FIRST = datetime(2026, 5, 4, 8, 30, tzinfo=UTC)  # time of frame 0
 FIELDS = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "u1")]
 
 
-@command
-def main(*, out: Annotated[Path, {"recorded": str(SAMPLE.relative_to(ROOT))}] = Path()) -> None:
+def main(out: Path) -> None:
     """Simulates 20 clouds of a LiDAR on the highway, in the frame of a tilted sensor, and writes
     them as .pcd files without labels.
-
-    example: python -m reproduction sample --out out/sample
     """
     frames = pi.simulate("highway", "helios_16", FRAMES)
     out.mkdir(parents=True, exist_ok=True)
@@ -46,3 +43,7 @@ def records_of(points: Points) -> Records:
         out[name] = column
     out["intensity"] = np.rint(255 * near[:, 3])
     return out
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,20 +1,16 @@
-"""Writes the test sites of pretrained detectors as files: tests/data/sites.
+"""Reads and simulates the test sites of pretrained detectors: tests/data/sites.
 
-    python -m reproduction frozen_sites
-
-The command was run once. It wrote 60 sites of generator version 4 (`plain`) and 20 streets of
-version 5 with much street furniture (`cluttered`). Each site has four LiDARs of the catalogue and
-the frame numbers of each LiDAR. The files stay unchanged when the generator changes. All versions
-of a detector are therefore tested on the same frames. Training never uses the seeds of these sites.
+There are 60 sites of generator version 4 (`plain`), and 20 streets of version 5 with much street
+furniture (`cluttered`). Commit aebf9cc3 wrote their files. Each site has four LiDARs of the
+catalogue and the frame numbers of each LiDAR. The files stay unchanged when the generator changes.
+All versions of a detector are therefore tested on the same frames. Training never uses the seeds of
+these sites.
 """
-
-from __future__ import annotations
 
 import csv
 import itertools
-import json
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import yaml
@@ -26,26 +22,21 @@ from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import lidar_file
 from pyinfra.dataset.object_rows import scene_objects
 from pyinfra.models.training import sources
-from pyinfra.models.training.generated_sites import cast, maker, samples_of
+from pyinfra.models.training.generated_sites import cast, maker
 from pyinfra.models.training.samples import SiteSample
 from pyinfra.scenes.generator import lidar_catalogue
 from pyinfra.scenes.generator.generate import make_site
 from pyinfra.scenes.generator.layout import Keys
-from pyinfra.scenes.generator.ranges import CLUTTERED, RANGES, Ranges
+from pyinfra.scenes.generator.ranges import CLUTTERED, RANGES
 from reproduction import ROOT
 
 FOLDER = ROOT / "tests/data/sites"
-FIRST_SITE = 1_000_000  # first seed of the test sites; training uses only smaller seeds
+SETS = ("plain", "cluttered")
 CALIBRATION_SITE = 1_500_000  # first seed of the sites that calibrate scores
 HELD_OUT = ("hesai_ot128", "hesai_xt32", "livox_horizon")  # LiDARs that no training uses
 PRESET = "datasheet"
 LIDARS, FRAMES = 4, 5  # number of LiDARs per site, and of frames per LiDAR
 QUEUE_S, STANDS_M = 30.0, 0.5  # a vehicle in a queue moves less than STANDS_M in QUEUE_S
-# The first seed, the number of sites and the parameter ranges of each set of sites.
-SETS: dict[str, tuple[int, int, Ranges]] = {
-    "plain": (FIRST_SITE, 60, replace(RANGES, furniture=replace(RANGES.furniture, sites=0.0))),
-    "cluttered": (FIRST_SITE + 100, 20, CLUTTERED),
-}
 
 
 @dataclass(frozen=True)
@@ -105,26 +96,6 @@ class TestSample(SiteSample):
     __test__ = False  # pytest does not collect this class
 
 
-def looked_at(
-    name: str, classes: tuple[ObjectClass, ...], sites: int | None = None, frames: int = FRAMES
-) -> Iterator[tuple[str, str, list[SiteSample]]]:
-    """Simulates the visits of a set; yields the site, the LiDAR and the samples of each visit.
-
-    Parameters
-    ----------
-    sites : maximum number of sites; None for all sites
-    frames : maximum number of frames per LiDAR
-    """
-    for number, (keys, visits) in enumerate(read_visits(name)):
-        if number == sites:
-            return
-        world = simulation.make_world(keys)
-        for visit in visits:
-            lidar = simulation.load_lidar(lidar_file(visit.lidar), PRESET).with_free_motors()
-            chosen = list(visit.frames[:frames])
-            yield visit.site, visit.lidar, samples_of(world, keys, lidar, chosen, classes)
-
-
 def tested_at(
     keys: Keys, visits: list[Visit], classes: tuple[ObjectClass, ...], frames: int
 ) -> Iterator[tuple[str, list[TestSample]]]:
@@ -176,28 +147,3 @@ def positions(world: simulation.World, frame: int, period_s: float) -> dict[int,
     """Returns x, y of each object in a frame, by its id."""
     objects = scene_objects(world.objects(frame, period_s), 0)
     return dict(zip(objects.ids.tolist(), objects.boxes[:, :2], strict=True))
-
-
-def write_set(name: str) -> None:
-    first, count, ranges = SETS[name]
-    (FOLDER / name).mkdir(parents=True, exist_ok=True)
-    everyone = lidar_catalogue.sensors(presets={PRESET: 1.0})
-    visits = [("site", "lidar", "frames")]
-    for seed in range(first, first + count):
-        random = np.random.default_rng(seed)
-        keys = make_site(seed, ranges) | {"label_time": "scan"}
-        world = simulation.make_world(keys)
-        # The JSON round trip copies shared objects, because YAML would write them as anchors.
-        plain = json.loads(json.dumps(keys))
-        text = yaml.safe_dump(plain, sort_keys=False, width=110, default_flow_style=None)
-        (FOLDER / name / f"{keys['name']}.yaml").write_text(text)
-        for lidar in everyone.draw(random, LIDARS):
-            chosen = sorted(random.choice(world.frames, FRAMES, replace=False).tolist())
-            visits.append((keys["name"], lidar.name, " ".join(map(str, chosen))))
-    with (FOLDER / name / "visits.csv").open("w", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows(visits)
-
-
-def main() -> None:
-    for name in SETS:
-        write_set(name)
