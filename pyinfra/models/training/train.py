@@ -16,12 +16,12 @@ import numpy as np
 import yaml
 from tqdm import tqdm
 
-from pyinfra.core.arrays import FloatArray
+from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.core.config import as_plain
 from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.files import alone, replacing, write
 from pyinfra.core.progress import is_shown
-from pyinfra.models.detectors.background import Background
+from pyinfra.models.detectors.background import DEFAULT, Background, Config
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.pytorch import need_pytorch
 from pyinfra.models.training.common_settings import common_accumulation, common_label_time
@@ -31,6 +31,8 @@ from pyinfra.models.training.samples import Frames
 from pyinfra.models.training.sources import Source, Stream, on_road, spread
 
 if TYPE_CHECKING:
+    from pyinfra.dataset.ground import Ground
+    from pyinfra.dataset.regions import Region
     from pyinfra.models.detectors.network import Network
     from pyinfra.models.training.loop import Progress
     from pyinfra.models.training.resumption import Description
@@ -109,12 +111,21 @@ def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: P
             f"accumulate: expected 1 for background, got {source.accumulation.frames}; background "
             "uses single frames"
         )
-    chosen = spread(range(len(source.clouds)), BACKGROUND_FRAMES)
     file = out / "background.npz"
-    clouds = [source.clouds[i]() for i in chosen]
-    background = Background.learn(clouds, recipe.network, source.region, source.ground)
+    background = background_of(source.clouds, source.region, source.ground, recipe.network)
     background.save(file, source.frames_version)
     return file
+
+
+def background_of(
+    clouds: Sequence[Callable[[], Points]],
+    region: Region | None,
+    ground: Ground | None,
+    settings: Config = DEFAULT,
+) -> Background:
+    """Learns the background from at most BACKGROUND_FRAMES clouds, evenly spread."""
+    chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
+    return Background.learn([clouds[i]() for i in chosen], settings, region, ground)
 
 
 def _train_network(
