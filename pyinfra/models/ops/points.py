@@ -54,6 +54,13 @@ def box_of_points(points: Tensor, boxes: Tensor) -> Tensor:
     return torch.where(inside.any(1), inside.int().argmax(1), -1)
 
 
+def turned(xyz: Tensor, heading: Tensor) -> Tensor:
+    """Returns points (..., 3), turned about z by headings (...)."""
+    cos, sin = heading.cos(), heading.sin()
+    x, y, z = xyz.unbind(-1)
+    return torch.stack([cos * x - sin * y, sin * x + cos * y, z], dim=-1)
+
+
 def _parts(xyz: Tensor, others: int) -> list[Tensor]:
     """Divides xyz into parts, so that the distances to `others` points fit into memory."""
     rows = max(1, chunk_of(xyz) // max(1, others))
