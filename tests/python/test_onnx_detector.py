@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pyinfra.core.errors import ConfigError, Error
+from pyinfra.core.rows import concatenated
 from pyinfra.dataset.frame_sequence import FrameSequence
 from pyinfra.dataset.loading import load_scene
 from pyinfra.dataset.simulated import simulate
@@ -18,6 +19,7 @@ from pyinfra.models.detectors.centerpoint_config import Config
 from pyinfra.models.detectors.detection_area import Area, Site
 from pyinfra.models.detectors.ground_adapter import OnRoad
 from pyinfra.models.inference import boxes_table, detect
+from pyinfra.models.inference.detections import table_of
 from pyinfra.models.onnx import detector as onnx_detector
 from pyinfra.models.onnx.graph import model_of
 from pyinfra.models.onnx.tiles import extent_of
@@ -71,8 +73,12 @@ def test_boxes_and_ap_are_those_of_pytorch(frames: FrameSequence) -> None:
     assert sum(len(a) for a, _ in pairs) > 50
     for a, b in pairs:
         assert_equal(a, b)
-    tables = [boxes_table._table(frames.numbers, part) for part in zip(*pairs, strict=True)]
-    results = [evaluate(frames, table) for table in tables]
+    results = []
+    for part in zip(*pairs, strict=True):
+        numbers = np.repeat(frames.numbers, [len(detections) for detections in part])
+        every = concatenated(part)
+        table = table_of(numbers, every.names, every.boxes, every.scores)
+        results.append(evaluate(frames, table))
     for column in ("ap", "ap_r1000"):
         wanted, got = (result.ap[column].to_numpy() for result in results)
         assert np.nanmax(wanted) > 50
