@@ -19,6 +19,7 @@ import time
 from collections.abc import Callable, Iterator
 from types import ModuleType
 from typing import Any
+from unittest import mock
 
 # Must be set before torch is imported. spconv gives wrong results with more than one thread.
 os.environ["OMP_NUM_THREADS"] = "1"
@@ -31,7 +32,7 @@ from torch import Tensor
 
 from pyinfra.core import boxes as exact
 from pyinfra.core.version import __version__
-from pyinfra.models.ops import boxes, points, rulebooks, sparse
+from pyinfra.models.ops import boxes, clouds, rulebooks, sparse
 from reproduction import add_out
 
 GRID = (41, 1600, 1408)  # numbers of voxels (z, y, x) of 0.1 m by 0.05 m by 0.05 m, as in PV-RCNN
@@ -50,7 +51,7 @@ def in_torch(work: Callable[[], object]) -> Callable[[], object]:
     """Returns a function that runs `work` without the compiled kernels."""
 
     def plain() -> object:
-        modules: list[Any] = [boxes, points, rulebooks]
+        modules: list[Any] = [boxes, clouds, rulebooks]
         kernels = [module.kernels for module in modules]
         for module in modules:
             module.kernels = None
@@ -61,6 +62,16 @@ def in_torch(work: Callable[[], object]) -> Callable[[], object]:
                 module.kernels = kept
 
     return plain
+
+
+def as_on_a_gpu(work: Callable[[], object]) -> Callable[[], object]:
+    """Returns a function that runs `work` with the code for tensors on a GPU."""
+
+    def together() -> object:
+        with mock.patch.object(clouds, "on_cpu", return_value=False):
+            return work()
+
+    return together
 
 
 def frame(random: np.random.Generator, n: int) -> Tensor:
@@ -116,11 +127,11 @@ def box_ways(random: np.random.Generator) -> Iterator[tuple[str, Ways]]:
 
 def point_ways(random: np.random.Generator) -> Iterator[tuple[str, Ways]]:
     cloud = frame(random, 16_384)
-    array = cloud.numpy()
+    array, count = cloud.numpy(), [len(cloud)]
     fpsample = optional("fpsample")
 
     def farthest() -> Tensor:
-        return points.farthest_points(cloud, 4096)
+        return clouds.farthest_of_clouds(cloud, count, 4096)[0]
 
     ways = {"compiled": farthest, "torch": in_torch(farthest)}
     if fpsample:
@@ -131,7 +142,7 @@ def point_ways(random: np.random.Generator) -> Iterator[tuple[str, Ways]]:
     for radius, k in ((0.1, 16), (0.5, 32), (2.0, 32)):
 
         def query(radius: float = radius, k: int = k) -> object:
-            return points.ball_query(cloud, centres, radius, k)
+            return clouds.neighbours(cloud, count, centres, [len(centres)], radius, k)
 
         def tree(radius: float = radius) -> object:
             return cKDTree(array).query_ball_point(centres.numpy(), radius, return_sorted=True)
@@ -140,13 +151,11 @@ def point_ways(random: np.random.Generator) -> Iterator[tuple[str, Ways]]:
             f"ball query of {radius} m, {k} of 16,384 for 4,096",
             {"compiled": query, "torch": in_torch(query), "scipy": tree},
         )
-    yield (
-        "three nearest of 4,096 for 16,384",
-        {
-            "scipy": lambda: points.three_nearest(cloud, centres),
-            "torch": lambda: points._nearest_of_all(cloud, centres),
-        },
-    )
+
+    def nearest() -> object:
+        return clouds.nearest_of_clouds(cloud, count, centres, [len(centres)])
+
+    yield "three nearest of 4,096 for 16,384", {"scipy": nearest, "torch": as_on_a_gpu(nearest)}
 
 
 def voxels(cloud: Tensor) -> Tensor:

@@ -30,10 +30,9 @@ from pyinfra.models.inference import (  # noqa: E402
 )
 from pyinfra.models.training import checkpoint  # noqa: E402
 from pyinfra.models.training.accumulation import Accumulation, LabelAt, stacked  # noqa: E402
-from pyinfra.models.training.common_settings import common_accumulation  # noqa: E402
 from pyinfra.models.training.recipe import Recipe, read_recipe  # noqa: E402
 from pyinfra.models.training.samples import Augmentation, augmented  # noqa: E402
-from pyinfra.models.training.sources import Source, read_source, simulated_source  # noqa: E402
+from pyinfra.models.training.sources import read_source, simulated_source  # noqa: E402
 from pyinfra.models.training.train import train  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -261,19 +260,6 @@ def test_a_run_of_a_version_without_the_keys_goes_on(folder: Path, tmp_path: Pat
 def metadata_of(file: Path) -> str:
     with safe_open(file, framework="pt") as opened:
         return str(opened.metadata()["about"])
-
-
-def test_sources_are_stacked_alike() -> None:
-    one, other = (
-        Source("ring", "paper", "road", "frame", (), tuple, accumulation=how)
-        for how in (THREE, MIDDLE)
-    )
-    assert common_accumulation([one, one]) == THREE
-    with pytest.raises(
-        ValueError,
-        match=r"expected the same as for .* \(3 frames, label at newest\), got 3 frames, label at",
-    ):
-        common_accumulation([one, other])
 
 
 def test_detect_stacks_data_and_refuses_lone_clouds(

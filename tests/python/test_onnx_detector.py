@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pyinfra.core.errors import ConfigError, Error
+from pyinfra.core.rows import concatenated
 from pyinfra.dataset.frame_sequence import FrameSequence
 from pyinfra.dataset.loading import load_scene
 from pyinfra.dataset.simulated import simulate
@@ -18,9 +19,10 @@ from pyinfra.models.detectors.centerpoint_config import Config
 from pyinfra.models.detectors.detection_area import Area, Site
 from pyinfra.models.detectors.ground_adapter import OnRoad
 from pyinfra.models.inference import boxes_table, detect
+from pyinfra.models.inference.detections import table_of
 from pyinfra.models.onnx import detector as onnx_detector
 from pyinfra.models.onnx.graph import model_of
-from pyinfra.models.onnx.tiles import Tile, extent_of
+from pyinfra.models.onnx.tiles import extent_of
 from pyinfra.models.training.provenance import read_arrays, read_provenance
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -71,8 +73,12 @@ def test_boxes_and_ap_are_those_of_pytorch(frames: FrameSequence) -> None:
     assert sum(len(a) for a, _ in pairs) > 50
     for a, b in pairs:
         assert_equal(a, b)
-    tables = [boxes_table._table(frames.numbers, part) for part in zip(*pairs, strict=True)]
-    results = [evaluate(frames, table) for table in tables]
+    results = []
+    for part in zip(*pairs, strict=True):
+        numbers = np.repeat(frames.numbers, [len(detections) for detections in part])
+        every = concatenated(part)
+        table = table_of(numbers, every.names, every.boxes, every.scores)
+        results.append(evaluate(frames, table))
     for column in ("ap", "ap_r1000"):
         wanted, got = (result.ap[column].to_numpy() for result in results)
         assert np.nanmax(wanted) > 50
@@ -139,7 +145,7 @@ def test_the_model_keeps_the_rules_of_onnx() -> None:
     onnx = pytest.importorskip("onnx", reason="the extra `train` is not installed")
     config = onnx_detector.config_of("centerpoint-pillar", read_provenance(FILE).network)
     whole = extent_of(slice(0, 64), 64, config.bev)
-    model = onnx.load_from_string(bytes(model_of(config, read_arrays(FILE), Tile(whole, whole))))
+    model = onnx.load_from_string(bytes(model_of(config, read_arrays(FILE), (whole, whole))))
     onnx.checker.check_model(model, full_check=True)
 
 
@@ -151,12 +157,12 @@ def test_a_tile_has_the_values_of_the_whole_map(rows: slice, columns: slice) -> 
     first = rng.random((1, config.bev.widths[0], 96, 96), np.float32)
     maps = []
     for part in ((rows, columns), (whole, whole)):
-        tile = Tile(*(extent_of(one, 96, config.bev) for one in part))
+        tile = extent_of(part[0], 96, config.bev), extent_of(part[1], 96, config.bev)
         session = onnx_detector.session_of(bytes(model_of(config, read_arrays(FILE), tile)), 1)
-        computed = np.ascontiguousarray(first[:, :, *tile.computed])
+        computed = np.ascontiguousarray(first[:, :, tile[0].computed, tile[1].computed])
         assert computed.size < first.size or part[0] == whole
         (out,) = session.run(None, {"map": computed})
-        maps.append(out[0][:, *tile.used_inside])
+        maps.append(out[0][:, tile[0].used_inside, tile[1].used_inside])
     np.testing.assert_allclose(maps[0], maps[1][:, rows, columns], rtol=1e-5, atol=1e-4)
     assert maps[1].shape[1:] == (96, 96)
 

@@ -21,8 +21,9 @@ def test_tiles_use_each_needed_cell_once_and_compute_around_it(needed: BoolArray
     halo, count = receptive_cells(SMALL), np.zeros(needed.shape, int)
     tiles = tiles_of(needed, SMALL)
     for tile in tiles:
-        count[tile.used] += 1
-        for part, whole, size in zip(tile.used, tile.computed, needed.shape, strict=True):
+        count[tuple(extent.used for extent in tile)] += 1
+        for extent, size in zip(tile, needed.shape, strict=True):
+            part, whole = extent.used, extent.computed
             # The receptive field is rounded up to steps of 2 cells.
             assert max(0, part.start - halo) <= whole.start <= max(0, part.start - halo + 2)
             assert min(size, part.stop + halo - 2) <= whole.stop <= min(size, part.stop + halo)
@@ -33,8 +34,9 @@ def test_tiles_use_each_needed_cell_once_and_compute_around_it(needed: BoolArray
 def test_a_cross_is_less_to_compute_than_its_square() -> None:
     needed = cross(400, 12)
     cells = sum(
-        (t.computed[0].stop - t.computed[0].start) * (t.computed[1].stop - t.computed[1].start)
-        for t in tiles_of(needed, SMALL)
+        (rows.computed.stop - rows.computed.start)
+        * (columns.computed.stop - columns.computed.start)
+        for rows, columns in tiles_of(needed, SMALL)
     )
     assert cells < 0.5 * needed.size
 

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from pyinfra.core import boxes as exact
 from pyinfra.core.arrays import FloatArray
-from pyinfra.models.ops import boxes, points, rulebooks, sets, sparse
+from pyinfra.models.ops import boxes, clouds, points, rulebooks, sets, sparse
 from pyinfra.models.ops.rulebooks import Rulebook, Triple, strided_rulebook, submanifold_rulebook
 from pyinfra.models.ops.sparse import SparseConv3d, SparseTensor, SubmanifoldConv3d
 
@@ -33,7 +33,7 @@ def either(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> s
 
 
 def without_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (boxes, points, rulebooks):
+    for module in (boxes, clouds, rulebooks):
         monkeypatch.setattr(module, "kernels", None)
 
 
@@ -231,12 +231,10 @@ def test_dense_form_has_the_features_where_the_voxels_are() -> None:
     assert dense.count_nonzero() == x.features.numel()
 
 
-@pytest.mark.parametrize("kernel", [3, (3, 1, 1), (1, 3, 5), 1])
+@pytest.mark.parametrize("kernel", [(3, 3, 3), (3, 1, 1), (1, 3, 5), (1, 1, 1)])
 @pytest.mark.parametrize("n", [1, 40, 700])
 @pytest.mark.usefixtures("either")
-def test_submanifold_convolution_is_the_dense_one_at_its_voxels(
-    kernel: int | Triple, n: int
-) -> None:
+def test_submanifold_convolution_is_the_dense_one_at_its_voxels(kernel: Triple, n: int) -> None:
     x = voxels(n, 4, n)
     x.features.requires_grad_()
     layer = SubmanifoldConv3d(4, 5, "a", kernel, bias=True).double()
@@ -253,20 +251,20 @@ def test_submanifold_convolution_is_the_dense_one_at_its_voxels(
 @pytest.mark.parametrize(
     ("kernel", "stride", "padding"),
     [
-        (3, 2, 1),
-        (3, (1, 2, 2), (0, 1, 1)),
-        ((3, 1, 1), (2, 1, 1), 0),
-        (2, 2, 0),
-        (3, 1, 1),
+        ((3, 3, 3), (2, 2, 2), (1, 1, 1)),
+        ((3, 3, 3), (1, 2, 2), (0, 1, 1)),
+        ((3, 1, 1), (2, 1, 1), (0, 0, 0)),
+        ((2, 2, 2), (2, 2, 2), (0, 0, 0)),
+        ((3, 3, 3), (1, 1, 1), (1, 1, 1)),
         ((2, 3, 5), (3, 2, 1), (1, 0, 2)),
     ],
 )
 @pytest.mark.parametrize("n", [1, 40, 700])
 @pytest.mark.usefixtures("either")
 def test_strided_convolution_is_the_dense_one(
-    kernel: int | Triple,
-    stride: int | Triple,
-    padding: int | Triple,
+    kernel: Triple,
+    stride: Triple,
+    padding: Triple,
     n: int,
 ) -> None:
     x = voxels(n, 4, n)
@@ -301,40 +299,6 @@ def test_layers_with_one_key_share_a_rulebook() -> None:
     y = SubmanifoldConv3d(4, 8, "a").double()(y)
     assert y.rulebooks["a"] is first
     assert y.features.shape == (100, 8)
-
-
-def test_a_key_of_other_voxels_or_another_kernel_is_an_error() -> None:
-    x = voxels(100, 4, 0)
-    layer = SubmanifoldConv3d(4, 4, "a").double()
-    layer(x)
-    coarse = SparseConv3d(4, 4, "b").double()(x)
-    with pytest.raises(
-        ValueError, match="key a: expected the voxels of the first layer with this key"
-    ):
-        layer(coarse)
-    with pytest.raises(ValueError, match="rulebook: expected 5 offsets, got 27"):
-        SubmanifoldConv3d(4, 4, "a", (1, 1, 5)).double()(x)
-
-
-@pytest.mark.usefixtures("either")
-def test_voxels_that_are_out_of_the_grid_or_there_twice_are_errors() -> None:
-    kernel, stride, padding = (3, 3, 3), (2, 2, 2), (1, 1, 1)
-    for at, message in [
-        (
-            [[0, 1, 2, 3], [0, 1, 2, 3]],
-            "coordinates: expected each voxel once, got \\[0, 1, 2, 3\\] twice",
-        ),
-        ([[0, 1, 2, SHAPE[2]]], "coordinates: expected voxels in the grid .*, got .* to "),
-        ([[0, -1, 2, 3]], "coordinates: expected voxels in the grid .*, got .* to "),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            submanifold_rulebook(torch.tensor(at), SHAPE, kernel)
-        with pytest.raises(ValueError, match=message):
-            strided_rulebook(torch.tensor(at), SHAPE, kernel, stride, padding)
-    with pytest.raises(ValueError, match="expected odd sizes"):
-        submanifold_rulebook(torch.tensor([[0, 1, 2, 3]]), SHAPE, (2, 3, 3))
-    with pytest.raises(ValueError, match="expected at least the kernel"):
-        strided_rulebook(torch.tensor([[0, 0, 0, 0]]), (1, 9, 9), kernel, stride, (0, 0, 0))
 
 
 @pytest.mark.usefixtures("either")
@@ -397,7 +361,7 @@ def cloud(n: int, seed: int, step: float = 0.0) -> Tensor:
 @pytest.mark.parametrize("step", [0.0, 2.0])
 def test_farthest_points_are_each_the_farthest_from_those_before(step: float) -> None:
     xyz = cloud(500, 0, step)
-    rows = points.farthest_points(xyz, 60)
+    rows, _ = clouds.farthest_of_clouds(xyz, [500], 60)
     distances = torch.cdist(xyz.double(), xyz.double())
     assert rows[0] == 0
     for k in range(1, 60):
@@ -406,13 +370,18 @@ def test_farthest_points_are_each_the_farthest_from_those_before(step: float) ->
 
 
 @pytest.mark.usefixtures("either")
-def test_farthest_points_of_fewer_points_than_asked_for_repeat_the_first() -> None:
+def test_farthest_points_of_fewer_points_than_asked_for_are_all_points() -> None:
     xyz = torch.tensor([[0.0, 0, 0], [1, 0, 0], [5, 0, 0], [1, 0, 0]])
-    assert points.farthest_points(xyz, 6).tolist() == [0, 2, 1, 0, 0, 0]
-    assert points.farthest_points(xyz[:1], 3).tolist() == [0, 0, 0]
-    assert points.farthest_points(xyz, 0).tolist() == []
-    with pytest.raises(ValueError, match="xyz: expected points, got none"):
-        points.farthest_points(xyz[:0], 3)
+
+    def chosen(count: int, most: int) -> list[int]:
+        rows: list[int] = clouds.farthest_of_clouds(xyz[:count], [count], most)[0].tolist()
+        return rows
+
+    assert chosen(4, 3) == [0, 2, 1]
+    assert chosen(4, 6) == [0, 1, 2, 3]
+    assert chosen(1, 3) == [0]
+    assert chosen(4, 0) == []
+    assert chosen(0, 3) == []
 
 
 @pytest.mark.usefixtures("either")
@@ -420,37 +389,35 @@ def test_farthest_points_of_fewer_points_than_asked_for_repeat_the_first() -> No
 @pytest.mark.parametrize("step", [0.0, 0.5])
 def test_ball_query_finds_the_first_points_of_each_ball(radius: float, step: float) -> None:
     xyz, centres = cloud(800, 1, step), cloud(90, 2, step)
-    rows, empty = points.ball_query(xyz, centres, radius, 8)
+    rows, owners = clouds.neighbours(xyz, [800], centres, [90], radius, 8)
     near = torch.cdist(centres.double(), xyz.double()) < radius
-    assert (empty == ~near.any(1)).all()
-    for ball, neighbours in zip(near, rows.tolist(), strict=True):
-        inside = torch.nonzero(ball).flatten().tolist()[:8]
-        assert neighbours == inside + [inside[0] if inside else 0] * (8 - len(inside))
+    assert (owners.diff() >= 0).all()
+    for k, ball in enumerate(near):
+        assert rows[owners == k].tolist() == torch.nonzero(ball).flatten().tolist()[:8]
 
 
 @pytest.mark.usefixtures("either")
 def test_ball_query_takes_fewer_points_than_asked_for_and_none() -> None:
     xyz = cloud(3, 0, 1.0)
-    rows, empty = points.ball_query(xyz, xyz, 100, 5)
-    assert rows.tolist() == [[0, 1, 2, 0, 0]] * 3
-    rows, empty = points.ball_query(xyz[:0], xyz, 100, 5)
-    assert rows.tolist() == [[0] * 5] * 3
-    assert empty.all()
-    rows, empty = points.ball_query(xyz, xyz[:0], 100, 5)
-    assert rows.shape == (0, 5)
-    assert empty.shape == (0,)
-    with pytest.raises(ValueError, match="above 0"):
-        points.ball_query(xyz, xyz, 0, 5)
+    rows, owners = clouds.neighbours(xyz, [3], xyz, [3], 100, 5)
+    assert rows.tolist() == [0, 1, 2] * 3
+    assert owners.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2]
+    for points_of, centres_of in ((0, 3), (3, 0)):
+        rows, owners = clouds.neighbours(
+            xyz[:points_of], [points_of], xyz[:centres_of], [centres_of], 100, 5
+        )
+        assert rows.shape == owners.shape == (0,)
 
 
 def test_compiled_kernels_and_torch_choose_the_same_points(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pyinfra._core")
-    clouds = [cloud(n, n, step) for n in (1, 70, 3000) for step in (0.0, 1.0)]
+    parts = [cloud(n, n, step) for n in (1, 70, 3000) for step in (0.0, 1.0)]
+    xyz, counts = torch.cat(parts), [len(part) for part in parts]
+    centres, of_centres = torch.cat([p[::3] for p in parts]), [len(p[::3]) for p in parts]
 
     def chosen() -> list[Tensor]:
-        results = [points.farthest_points(xyz, 200) for xyz in clouds]
-        results += [points.ball_query(xyz, xyz[::3], 1.0, 16)[0] for xyz in clouds]
-        return results
+        rows, _ = clouds.farthest_of_clouds(xyz, counts, 200)
+        return [rows, *clouds.neighbours(xyz, counts, centres, of_centres, 1.0, 16)]
 
     compiled = chosen()
     without_kernels(monkeypatch)
@@ -462,7 +429,7 @@ def test_compiled_kernels_and_torch_make_the_same_rulebooks(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     pytest.importorskip("pyinfra._core")
-    at = voxels(500, 1, 0).coordinates
+    at = voxels(500, 1, 0).coordinates.unique(dim=0)  # ascending, as in a voxel backbone
 
     def rulebooks() -> list[Rulebook]:
         return [
@@ -479,28 +446,33 @@ def test_compiled_kernels_and_torch_make_the_same_rulebooks(
             assert (getattr(one, name) == getattr(two, name)).all()
 
 
+@pytest.fixture(params=["one by one", "together"])
+def one_by_one_or_together(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs a test with the code for clouds on a CPU, and again with the code for a GPU."""
+    if request.param == "together":
+        monkeypatch.setattr(clouds, "on_cpu", lambda _: False)
+
+
+@pytest.mark.usefixtures("one_by_one_or_together")
 def test_three_nearest_are_the_nearest() -> None:
     xyz, known = cloud(200, 0), cloud(50, 1)
     wanted, nearest = torch.cdist(xyz.double(), known.double()).topk(3, largest=False)
-    for search in (points.three_nearest, points._nearest_of_all):
-        distances, rows = search(xyz, known)
-        assert rows.tolist() == nearest.tolist()
-        assert (distances - wanted).abs().max() < 1e-5
+    distances, rows = clouds.nearest_of_clouds(xyz, [200], known, [50])
+    assert rows.tolist() == nearest.tolist()
+    assert (distances - wanted).abs().max() < 1e-5
 
 
+@pytest.mark.usefixtures("one_by_one_or_together")
 def test_three_nearest_of_fewer_lack_the_others() -> None:
     xyz = cloud(4, 0)
-    for search in (points._nearest_of_all, points.three_nearest):
-        distances, rows = search(xyz, xyz[:2])
-        assert rows[0].tolist() == [0, 1, 0]
-        assert distances[:, 2].isinf().all()
-        assert search(xyz[:0], xyz)[1].shape == (0, 3)
+    distances, rows = clouds.nearest_of_clouds(xyz, [4], xyz[:2], [2])
+    assert rows[0].tolist() == [0, 1, 0]
+    assert distances[:, 2].isinf().all()
+    assert clouds.nearest_of_clouds(xyz[:0], [0], xyz, [4])[1].shape == (0, 3)
     features = torch.tensor([[1.0, 0], [0, 1]])
     between = points.interpolate(features, distances, rows)
     assert between[:2].allclose(features, atol=1e-6)
     assert between.sum(1).allclose(torch.ones(4))
-    with pytest.raises(ValueError, match="known: expected points, got none"):
-        points.three_nearest(xyz, xyz[:0])
 
 
 def test_points_are_in_boxes_up_to_the_surface() -> None:
@@ -527,25 +499,17 @@ def test_points_in_a_turned_box_are_those_in_it_when_all_is_turned_back() -> Non
     assert inside.any()
 
 
-def test_points_of_another_shape_or_type_are_errors() -> None:
-    for wrong in (torch.zeros(5, 4), torch.zeros(5, 3, dtype=torch.float64), torch.zeros(3)):
-        with pytest.raises(ValueError, match=r"expected \(n, 3\) torch.float32"):
-            points.farthest_points(wrong, 2)
-    unknown = torch.tensor([[0.0, 1, 2], [0, torch.nan, 0]])
-    with pytest.raises(ValueError, match="points: expected finite values, got NaN or inf"):
-        points.ball_query(unknown, unknown[:1], 1, 2)
-
-
 @needs_gpu
 def test_points_on_a_gpu_are_as_on_the_cpu() -> None:
     xyz, centres = cloud(3000, 0), cloud(200, 1)
-    there, other = xyz.cuda(), centres.cuda()
-    assert points.farthest_points(there, 100).tolist() == points.farthest_points(xyz, 100).tolist()
-    for one, two in (
-        (points.ball_query(there, other, 1, 8), points.ball_query(xyz, centres, 1, 8)),
-        (points.three_nearest(other, there), points.three_nearest(centres, xyz)),
-    ):
-        assert all(a.cpu().allclose(b) for a, b in zip(one, two, strict=True))
+    results = []
+    for device in ("cpu", "cuda"):
+        there, other = xyz.to(device), centres.to(device)
+        rows, _ = clouds.farthest_of_clouds(there, [3000], 100)
+        near = clouds.neighbours(there, [3000], other, [200], 1.0, 8)
+        results.append([rows, *near, *clouds.nearest_of_clouds(other, [200], there, [3000])])
+    for one, two in zip(*results, strict=True):
+        assert one.allclose(two.cpu())
 
 
 @needs_gpu
@@ -563,7 +527,7 @@ def test_features_boxes_and_sets_on_a_gpu_are_as_on_the_cpu() -> None:
         parts = sets.partition(windows, windows.by_row, 36)
         results.append(
             [
-                points.interpolate(f, *points.three_nearest(c, x)),
+                points.interpolate(f, *clouds.nearest_of_clouds(c, [200], x, [3000])),
                 points.points_in_boxes(x, b.to(device)).float(),
                 points.box_of_points(x, b.to(device)),
                 parts.voxel,

@@ -15,11 +15,10 @@ from pyinfra.models.detectors.detection_area import Area, Site  # noqa: E402
 from pyinfra.models.detectors.pointnet import (  # noqa: E402
     Ball,
     Clouds,
+    FeaturePropagation,
     Norm,
     SetAbstraction,
     WholeAbstraction,
-    propagated,
-    sampled,
 )
 from pyinfra.models.detectors.pointrcnn import (  # noqa: E402
     CONTEXT_M,
@@ -40,6 +39,7 @@ from pyinfra.models.detectors.pointrcnn import (  # noqa: E402
     turned_out_of,
 )
 from pyinfra.models.detectors.sample import Sample  # noqa: E402
+from pyinfra.models.ops.clouds import farthest_of_clouds  # noqa: E402
 
 SMALL = Config(
     points=1024, levels=(256, 128, 64, 16), width=0.2, rois=16, rois_detected=16, roi_points=64
@@ -117,9 +117,16 @@ def test_pooled_points_are_those_inside_the_enlarged_proposals_of_their_frame() 
     assert set(few.tolist()) <= set(rows.tolist())
 
 
+def propagated(fine: Clouds, coarse: Clouds) -> torch.Tensor:
+    """Returns what a layer without weights brings to the fine points: (n, c)."""
+    channels = coarse.features.shape[1]
+    features: torch.Tensor = FeaturePropagation(0, channels, ())(fine, coarse).features
+    return features[:, :channels]
+
+
 def test_propagated_constant_features_are_constant() -> None:
     fine = clouds_of([30, 0, 5, 1], 2)
-    rows, counts = sampled(fine, 7)
+    rows, counts = farthest_of_clouds(fine.xyz, fine.counts, 7)
     coarse = Clouds(fine.xyz[rows], torch.full((len(rows), 3), 2.5), counts)
     torch.testing.assert_close(propagated(fine, coarse), torch.full((36, 3), 2.5))
 
@@ -131,7 +138,7 @@ def test_a_point_is_given_the_features_of_the_point_it_is() -> None:
 
 def test_sampled_points_are_of_their_cloud_and_as_many_as_there_are() -> None:
     clouds = clouds_of([30, 0, 5, 1], 2)
-    rows, counts = sampled(clouds, 7)
+    rows, counts = farthest_of_clouds(clouds.xyz, clouds.counts, 7)
     assert counts == [7, 0, 5, 1]
     assert len(set(rows.tolist())) == 13
     assert rows[:7].max() < 30

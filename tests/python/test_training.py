@@ -22,9 +22,7 @@ from safetensors.torch import load_file, save_file  # noqa: E402
 from pyinfra.cli import main  # noqa: E402
 from pyinfra.core.boxes import points_in_box, points_in_boxes  # noqa: E402
 from pyinfra.core.errors import ConfigError, Error  # noqa: E402
-from pyinfra.dataset import regions  # noqa: E402
 from pyinfra.dataset.ground import level_ground  # noqa: E402
-from pyinfra.dataset.outlines import in_outline  # noqa: E402
 from pyinfra.formats import (  # noqa: E402
     kitti,
     pcd_file,
@@ -41,7 +39,6 @@ from pyinfra.models.training.recipe import Recipe, read_recipe  # noqa: E402
 from pyinfra.models.training.samples import (  # noqa: E402
     Augmentation,
     Frames,
-    SiteSample,
     augmented,
     hidden_by,
     lifted,
@@ -50,8 +47,12 @@ from pyinfra.models.training.samples import (  # noqa: E402
     with_pasted,
     with_pose_error,
 )
-from pyinfra.models.training.sources import Source, read_source, simulated_source  # noqa: E402
-from pyinfra.models.training.train import common_label_time  # noqa: E402
+from pyinfra.models.training.sources import (  # noqa: E402
+    Source,
+    common_label_time,
+    read_source,
+    simulated_source,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "configs/detectors/centerpoint-pillar.yaml"
@@ -1040,20 +1041,6 @@ def test_faults_are_of_the_rays_of_a_sensor_above_the_road() -> None:
     assert len(altered.points) < 0.9 * len(above.points)
     np.testing.assert_allclose(altered.points, lifted(expected.points, 6), atol=1e-4)
     assert moved(above, turn=0.1, scale=0.5, flip=False).height_m == 3
-
-
-def test_a_region_moves_with_the_points_of_its_sample() -> None:
-    sample = road_sample(18)
-    outline = np.array([[0.0, -10.0], [60.0, -10.0], [60.0, 4.0], [0.0, 4.0]])
-    region = regions.Region(partial(in_outline, outline), outline)
-    of_site = SiteSample(sample.points, sample.boxes, region=region)
-    before = region.holds(sample.points.astype(np.float64), 0.0)
-    assert 0 < before.sum() < len(before)
-    for turn, scale, flip in ((0.3, 1.05, False), (-2.0, 0.95, True)):
-        after = moved(of_site, turn=turn, scale=scale, flip=flip)
-        assert isinstance(after, SiteSample)
-        same = after.region.holds(after.points.astype(np.float64), 0.0) == before
-        assert same.mean() > 0.999  # except for points on the border
 
 
 def test_a_scene_that_is_too_short_for_training_is_named() -> None:

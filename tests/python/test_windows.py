@@ -12,12 +12,15 @@ torch = pytest.importorskip("torch", reason="the extra `train` is not installed"
 
 from detector_data import FLOOR_Z, SITE, road_sample  # noqa: E402
 
+from pyinfra.dataset.ground import level_ground  # noqa: E402
 from pyinfra.models.detectors import windows  # noqa: E402
 from pyinfra.models.detectors.batch import Batch, Windows, make_batch  # noqa: E402
 from pyinfra.models.detectors.detection_area import Area, Site  # noqa: E402
 from pyinfra.models.detectors.network import Network  # noqa: E402
 from pyinfra.models.training import checkpoint  # noqa: E402
 from pyinfra.models.training.recipe import read_recipe  # noqa: E402
+from pyinfra.models.training.sources import Source  # noqa: E402
+from pyinfra.models.training.train import train  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 ON_PILLARS = ("pointpillars", "centerpoint-pillar", "dsvt")
@@ -117,11 +120,34 @@ def test_the_loss_of_a_vehicle_is_the_same_in_a_window(name: str) -> None:
     assert part[everywhere] < whole[everywhere]
 
 
-def test_windows_are_asked_of_networks_with_a_canvas_only() -> None:
-    windows.check(network_of("dsvt"), 100)
-    windows.check(network_of("pointrcnn"), 0)
-    with pytest.raises(ValueError, match=r"window_m2: expected 0 for PointRCNN, got 100"):
-        windows.check(network_of("pointrcnn"), 100)
+@pytest.mark.parametrize(
+    ("name", "values", "message"),
+    [
+        ("pointrcnn", {"window_m2": 100.0}, "window_m2: expected 0 for PointRCNN, got 100"),
+        ("pointrcnn", {"balance": 0.5}, "balance: expected 0 for PointRCNN, got 0.5"),
+        ("pointpillars", {"balance": 0.5}, "balance: expected 0 for PointPillars, got 0.5"),
+        ("dsvt", {"window_m2": 100.0, "balance": 0.5}, None),
+        ("pointrcnn", {}, None),
+    ],
+)
+def test_windows_and_balance_are_asked_of_networks_that_support_them(
+    name: str, values: dict[str, float], message: str | None, tmp_path: Path
+) -> None:
+    plain = read_recipe(ROOT / f"configs/detectors/{name}.yaml", "smoke")
+    learning = dataclasses.replace(plain.learning, steps=1, batch=1, window_m2=0.0, balance=0.0)
+    recipe = dataclasses.replace(plain, learning=dataclasses.replace(learning, **values))
+    sample = road_sample(1)
+    source = Source(
+        *("lidar", "datasheet", "scene", "scan"),
+        clouds=(lambda: sample.points,),
+        read_boxes=lambda: (sample.boxes,),
+        ground=level_ground(0.0),
+    )
+    if message is None:
+        train(recipe, [source], tmp_path, quiet=True)
+        return
+    with pytest.raises(ValueError, match=f"learning.{message}"):
+        train(recipe, [source], tmp_path, quiet=True)
 
 
 def test_without_vehicles_a_window_lies_anywhere_in_the_area() -> None:

@@ -8,18 +8,16 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from pyinfra.core.arrays import FloatArray, NameArray, Points
+from pyinfra.core.rows import Rows
 
 
 @dataclass(frozen=True, eq=False)
-class Detections:
+class Detections(Rows):
     """The boxes that a detector finds in a frame, best first."""
 
     boxes: FloatArray  # (k, 7) boxes x y z dx dy dz heading, levelled LiDAR frame
     scores: FloatArray  # (k,) scores in [0, 1], descending
     names: NameArray  # (k,) class of each box
-
-    def __len__(self) -> int:
-        return len(self.scores)
 
 
 class Detector(Protocol):
@@ -32,4 +30,3 @@ class Detector(Protocol):
         stacked frames the shape is (n, 5), and the last column is the age of each point in seconds.
         Points that are not finite, or outside the detector's range, are ignored.
         """
-        ...

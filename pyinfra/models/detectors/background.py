@@ -45,6 +45,7 @@ from pyinfra.core.boxes import bev_overlap
 from pyinfra.core.config import ruled
 from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
+from pyinfra.core.rows import Rows, concatenated
 from pyinfra.dataset.ground import Ground
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors import Detections
@@ -146,7 +147,7 @@ class Background:
         no_expected = np.zeros(2, np.float32)
         background = cls(settings, ground, permanent, inside, _mean_direction(roads), no_expected)
         for _ in range(2):  # the second pass uses learnt directions, which separate clusters better
-            rectangles = _joined([background._rectangles(cloud) for cloud in clouds])
+            rectangles = concatenated([background._rectangles(cloud) for cloud in clouds])
             background = replace(
                 background, road=_road(rectangles, roads), expected=_expected(rectangles)
             )
@@ -245,7 +246,7 @@ class Background:
 
 
 @dataclass(frozen=True, eq=False)
-class _Rectangles:
+class _Rectangles(Rows):
     """Clusters with the rectangles around their points, in axes turned by the heading."""
 
     heading: Floats  # (c,) heading of each rectangle
@@ -271,15 +272,6 @@ class _Rectangles:
         """(c,) horizontal distance from the sensor, at least 1 m."""
         ahead, left = ((self.low + self.high) / 2).T
         return np.asarray(np.maximum(np.hypot(ahead, left), 1))
-
-    def select(self, keep: BoolArray) -> _Rectangles:
-        """Returns the clusters of a mask (c,)."""
-        return _Rectangles(*(getattr(self, f.name)[keep] for f in fields(self)))
-
-
-def _joined(parts: Sequence[_Rectangles]) -> _Rectangles:
-    columns = ([getattr(part, f.name) for part in parts] for f in fields(_Rectangles))
-    return _Rectangles(*(np.concatenate(column) for column in columns))
 
 
 def _usable(points: Points, s: Config) -> Floats:

@@ -11,8 +11,7 @@ RARE = 0.01  # initial probability of an object at each position
 
 def start_rare(layer: nn.Conv2d) -> nn.Conv2d:
     """Sets the bias of a layer of logits so that all initial probabilities are RARE."""
-    if layer.bias is not None:
-        nn.init.constant_(layer.bias, -math.log((1 - RARE) / RARE))
+    nn.init.constant_(layer.get_parameter("bias"), -math.log((1 - RARE) / RARE))
     return layer
 
 

@@ -25,7 +25,6 @@ from torch.nn import functional
 from pyinfra.models.ops.clouds import (
     Counts,
     cloud_of_rows,
-    farthest_of_clouds,
     nearest_of_clouds,
     neighbours,
     on_device,
@@ -67,14 +66,6 @@ def mlp(channels: int, widths: Sequence[int]) -> nn.Sequential:
         layers += [linear, Norm(width), nn.ReLU()]
         channels = width
     return nn.Sequential(*layers)
-
-
-def sampled(clouds: Clouds, most: int) -> tuple[Tensor, Counts]:
-    """Samples at most `most` points of each cloud by farthest point sampling.
-
-    Returns the rows (m,) of the sampled points and their number in each cloud.
-    """
-    return farthest_of_clouds(clouds.xyz.detach(), clouds.counts, most)
 
 
 def shuffled(clouds: Clouds) -> Clouds:
@@ -199,13 +190,9 @@ class FeaturePropagation(nn.Module):
         """Returns the fine clouds with new features.
 
         `fine` and `coarse` are two samplings of the same clouds. A cloud with fine points must also
-        have coarse points.
+        have coarse points. The features of the three nearest coarse points are weighted by 1 /
+        distance.
         """
-        brought = propagated(fine, coarse)
+        searched = fine.xyz.detach(), fine.counts, coarse.xyz.detach(), coarse.counts
+        brought = interpolate(coarse.features, *nearest_of_clouds(*searched))
         return fine.with_features(self.layers(torch.cat([brought, fine.features], dim=1)))
-
-
-def propagated(fine: Clouds, coarse: Clouds) -> Tensor:
-    """Returns features (n, c) from the three nearest coarse points, weighted by 1 / distance."""
-    xyz, known = fine.xyz.detach(), coarse.xyz.detach()
-    return interpolate(coarse.features, *nearest_of_clouds(xyz, fine.counts, known, coarse.counts))

@@ -53,12 +53,11 @@ from pyinfra.models.detectors.pointnet import (
     SetAbstraction,
     WholeAbstraction,
     mlp,
-    sampled,
 )
 from pyinfra.models.ops.boxes import best_overlap, nms
-from pyinfra.models.ops.clouds import sizes_of
+from pyinfra.models.ops.clouds import farthest_of_clouds, sizes_of
 from pyinfra.models.ops.constants import constant
-from pyinfra.models.ops.points import box_of_points, points_in_boxes
+from pyinfra.models.ops.points import box_of_points, points_in_boxes, turned
 
 POINT_FEATURES = 4  # input features of a point: intensity, height, x, y
 RADII_M = ((0.1, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 4.0))
@@ -156,7 +155,7 @@ class Backbone(nn.Module):
         """Maps features (n, 4) to (n, channels)."""
         steps = [clouds]
         for most, layer in zip(self.levels, self.down, strict=True):
-            rows, counts = sampled(steps[-1], most)
+            rows, counts = farthest_of_clouds(steps[-1].xyz.detach(), steps[-1].counts, most)
             steps.append(layer(steps[-1], steps[-1].xyz[rows], counts))
         coarse = steps.pop()
         for layer in self.up:
@@ -204,7 +203,7 @@ class Refiner(nn.Module):
         held = held.index_add(0, owners, torch.ones_like(owners))
         clouds = Clouds(canonical, merged, held)
         for most, layer in zip(self.levels, self.down, strict=True):
-            centres, numbers = sampled(clouds, most)
+            centres, numbers = farthest_of_clouds(clouds.xyz.detach(), clouds.counts, most)
             clouds = layer(clouds, clouds.xyz[centres], numbers)
         whole = self.whole(clouds)
         return self.confidence(whole)[:, 0].float(), self.box(whole).float(), held
@@ -429,16 +428,12 @@ def pooled(clouds: Clouds, rois: Tensor, counts: Sequence[int], most: int) -> tu
 
 def turned_into(xyz: Tensor, boxes: Tensor) -> Tensor:
     """Returns points (n, 3) in the frames of boxes (n, 7)."""
-    dx, dy, dz = (xyz - boxes[:, :3]).unbind(1)
-    cos, sin = boxes[:, 6].cos(), boxes[:, 6].sin()
-    return torch.stack([cos * dx + sin * dy, cos * dy - sin * dx, dz], dim=1)
+    return turned(xyz - boxes[:, :3], -boxes[:, 6])
 
 
 def turned_out_of(xyz: Tensor, boxes: Tensor) -> Tensor:
     """Returns points (n, 3) from the frames of boxes (n, 7), the inverse of turned_into."""
-    x, y, z = xyz.unbind(1)
-    cos, sin = boxes[:, 6].cos(), boxes[:, 6].sin()
-    return torch.stack([cos * x - sin * y, sin * x + cos * y, z], dim=1) + boxes[:, :3]
+    return turned(xyz, boxes[:, 6]) + boxes[:, :3]
 
 
 def wrapped(angle: Tensor) -> Tensor:

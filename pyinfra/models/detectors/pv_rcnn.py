@@ -39,14 +39,14 @@ from pyinfra.models.detectors.detection_area import Area, Site
 from pyinfra.models.detectors.distributed import of_all
 from pyinfra.models.detectors.losses import focal, smooth_l1
 from pyinfra.models.detectors.network import Losses, Network
-from pyinfra.models.detectors.pointnet import Ball, Clouds, SetAbstraction, mlp, sampled, shuffled
+from pyinfra.models.detectors.pointnet import Ball, Clouds, SetAbstraction, mlp, shuffled
 from pyinfra.models.detectors.pointpillars import AnchorHead
 from pyinfra.models.detectors.voxel_backbone import VoxelBackbone
 from pyinfra.models.detectors.windows import cut, view_of
 from pyinfra.models.ops.boxes import best_overlap, nms
-from pyinfra.models.ops.clouds import sizes_of
+from pyinfra.models.ops.clouds import farthest_of_clouds, sizes_of
 from pyinfra.models.ops.constants import constant
-from pyinfra.models.ops.points import box_of_points
+from pyinfra.models.ops.points import box_of_points, turned
 
 # Radii in metres around a key point, for the raw points and for each level of voxels. GRID_RADII
 # are radii around a grid point, for key points.
@@ -260,9 +260,8 @@ class PvRcnn(Network):
             )
             near = [rows[is_around(xyz, boxes, self.config.around_m)] for rows, xyz, boxes in parts]
             candidates, counts = torch.cat(near), [len(part) for part in near]
-        rows, key_counts = sampled(
-            Clouds(raw.xyz[candidates], raw.features[candidates], counts), self.config.key_points
-        )
+        most = self.config.key_points
+        rows, key_counts = farthest_of_clouds(raw.xyz[candidates], counts, most)
         return candidates[rows], sizes_of(key_counts)
 
 
@@ -305,8 +304,6 @@ def is_around(xyz: Tensor, boxes: Tensor, margin_m: float) -> Tensor:
     The circle of the cylinder circumscribes the footprint, with a radius that is larger by
     `margin_m`. The height does not matter.
     """
-    if not len(boxes):
-        return torch.zeros(len(xyz), dtype=torch.bool, device=xyz.device)
     reach = boxes[:, 3:5].norm(dim=1) / 2 + margin_m
     result = torch.zeros(len(xyz), dtype=torch.bool, device=xyz.device)
     for box, far in zip(boxes, reach, strict=True):
@@ -318,14 +315,14 @@ def grid_points(boxes: Tensor, grid: int) -> Tensor:
     """Returns the centres of the grid cells in each box (r, 7): (r, grid^3, 3)."""
     share = (torch.arange(grid, device=boxes.device) + 0.5) / grid - 0.5
     local = torch.cartesian_prod(share, share, share) * boxes[:, None, 3:6]
-    return boxes[:, None, :3] + _turned(local, boxes[:, 6, None])
+    return boxes[:, None, :3] + turned(local, boxes[:, 6, None])
 
 
 def refined(boxes: Tensor, residuals: Tensor) -> Tensor:
     """Returns the boxes (r, 7) of residuals (r, 7) in the frames of `boxes` (r, 7)."""
     diagonal = boxes[:, 3:5].norm(dim=1, keepdim=True)
     scale = torch.cat([diagonal, diagonal, boxes[:, 5:6]], dim=1)
-    xyz = boxes[:, :3] + _turned(residuals[:, :3] * scale, boxes[:, 6])
+    xyz = boxes[:, :3] + turned(residuals[:, :3] * scale, boxes[:, 6])
     sizes = boxes[:, 3:6] * residuals[:, 3:6].clamp(-LARGEST, LARGEST).exp()
     heading = (boxes[:, 6:] + residuals[:, 6:] + math.pi) % (2 * math.pi) - math.pi
     return torch.cat([xyz, sizes, heading], dim=1)
@@ -338,7 +335,7 @@ def wanted_residuals(boxes: Tensor, truth: Tensor) -> Tensor:
     front.
     """
     at_origin = torch.cat([torch.zeros_like(boxes[:, :3]), boxes[:, 3:6], boxes[:, :1] * 0], dim=1)
-    offset = _turned(truth[:, :3] - boxes[:, :3], -boxes[:, 6])
+    offset = turned(truth[:, :3] - boxes[:, :3], -boxes[:, 6])
     turn = (truth[:, 6:] - boxes[:, 6:] + math.pi / 2) % math.pi - math.pi / 2
     return encode(torch.cat([offset, truth[:, 3:6], turn], dim=1), at_origin)
 
@@ -424,13 +421,6 @@ def foreground_loss(key: Clouds, logits: Tensor, boxes: tuple[Tensor, ...]) -> T
 
 def _balls(radii: tuple[float, ...], most: int, width: int) -> list[Ball]:
     return [Ball(radius, most, (width, width)) for radius in radii]
-
-
-def _turned(xyz: Tensor, heading: Tensor) -> Tensor:
-    """Returns points (..., 3), turned about z by headings (...)."""
-    cos, sin = heading.cos(), heading.sin()
-    x, y, z = xyz.unbind(-1)
-    return torch.stack([cos * x - sin * y, sin * x + cos * y, z], dim=-1)
 
 
 def _evenly(rows: Tensor, most: int) -> Tensor:

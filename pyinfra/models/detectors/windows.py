@@ -5,29 +5,14 @@ differs from training on the whole canvas only near the border of the window. De
 whole canvas.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import torch
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.core.errors import Error
 from pyinfra.models.detectors.batch import Batch, CanvasPart
 from pyinfra.models.detectors.detection_area import Area
 from pyinfra.models.detectors.sample import Sample
 from pyinfra.models.ops.constants import constant, numbers
-
-if TYPE_CHECKING:
-    from pyinfra.models.detectors.network import Network
-
-
-def check(network: Network, most_m2: float) -> None:
-    """Raises Error if windows are requested for a network that does not support them."""
-    if most_m2 > 0 and not network.learns_in_windows:
-        name = type(network).__name__
-        raise Error(f"learning.window_m2: expected 0 for {name}, got {most_m2:g}")
 
 
 def centre_of(
@@ -50,13 +35,12 @@ def view_of(batch: Batch, area: Area, cell_m: float, step: int) -> CanvasPart:
     """Returns the part of the canvas in the batch's windows, which begin at multiples of `step`."""
     columns, rows = (round(area.size[axis] / cell_m) for axis in (0, 1))
     whole = (rows, columns)
-    if batch.windows is None:
-        return CanvasPart(whole, None, batch.boxes, batch.classes)
-    sides = sides_of(whole, batch.windows.most_m2 / cell_m**2, step)
-    if sides == whole:
+    asked = batch.windows
+    sides = whole if asked is None else sides_of(whole, asked.most_m2 / cell_m**2, step)
+    if asked is None or sides == whole:
         return CanvasPart(whole, None, batch.boxes, batch.classes)
     low = np.array(area.low[:2], np.float32)
-    middles = ((np.array(batch.windows.centres) - low) / cell_m)[:, ::-1].tolist()  # row, column
+    middles = ((np.array(asked.centres) - low) / cell_m)[:, ::-1].tolist()  # row, column
     starts = [
         _start(m, side, most, step)
         for pair in middles

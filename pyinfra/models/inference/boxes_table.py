@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from pyinfra.core.arrays import Points
 from pyinfra.core.errors import Error
@@ -22,25 +21,23 @@ from pyinfra.core.names import StrPath, path_of, suggestion
 from pyinfra.core.present import Presented
 from pyinfra.core.progress import track
 from pyinfra.core.public import CALLER, public
+from pyinfra.core.rows import concatenated
 from pyinfra.dataset.frame_sequence import FrameSequence
-from pyinfra.dataset.ground import level_ground
-from pyinfra.dataset.height_checks import CHECKED, check_height, height_warnings
+from pyinfra.dataset.height_checks import CHECKED, height_warnings
 from pyinfra.dataset.loading import AnyFrames, sequence_of
-from pyinfra.dataset.object_rows import BOX
 from pyinfra.dataset.outlines import Drawn
 from pyinfra.dataset.regions import drawn_of, read_outline, region_within
-from pyinfra.models.detectors import Detections as Found
 from pyinfra.models.detectors import Detector
+from pyinfra.models.detectors.suppression import empty
 from pyinfra.models.inference import detect as inference
-from pyinfra.models.inference.detections import Detections
-from pyinfra.models.inference.folder import Place, detector_at_place, region_warning
+from pyinfra.models.inference.detections import Detections, table_of
+from pyinfra.models.inference.folder import Place, detector_at_place, region_warning, replaced
 from pyinfra.models.inference.frames_learnt import frames_warning
 from pyinfra.models.inference.own_detector import OwnDetector, detections_of_own
 from pyinfra.models.inference.static_filter import length_warning, without_standing
 from pyinfra.models.inference.threads import checked_threads
 from pyinfra.models.training.sources import spread
 
-COLUMNS = ["frame", "type", *BOX, "score"]
 AnyRegion: TypeAlias = "npt.ArrayLike | str | os.PathLike[str]"
 
 
@@ -272,22 +269,20 @@ def detect(
     if drop_standing and numbers:
         if text := length_warning(numbers, frames.period_s):
             warnings.warn(text, stacklevel=CALLER)
-        reads = [partial(_points, frames, k) for k in numbers]
+        reads = [partial(frames.points_of, k) for k in numbers]
         per_frame = without_standing(reads, per_frame, site.region, site.ground)
-    table = _table(numbers, per_frame)
+    every = concatenated([empty(), *per_frame])
+    counts = [len(of_frame) for of_frame in per_frame]
+    frame = np.repeat(np.asarray(numbers, np.int64), counts)
+    table = table_of(frame, every.names, every.boxes, every.scores)
     table.attrs["inputs"] = inputs
     return table
 
 
 def _place(frames: FrameSequence, height_m: float | None, region: AnyRegion | None) -> Place:
     """Returns ground and region of the frames. Arguments that are not None replace them."""
-    ground, inside, given = frames.ground, frames.region, list[str]()
-    if height_m is not None:
-        check_height(height_m)
-        ground, given = level_ground(-height_m), ["height_m"]
-    if region is not None:
-        inside, given = region_within(_drawn(region)), [*given, "region"]
-    return Place(ground, inside, height_m, tuple(given))
+    inside = None if region is None else region_within(_drawn(region))
+    return replaced(frames.ground, frames.region, height_m, inside)
 
 
 def _drawn(region: AnyRegion) -> Drawn:
@@ -305,21 +300,5 @@ def _stacked(model: Path, frames: FrameSequence) -> Iterator[Points]:
     accumulation = inference.accumulation_of(model)
     if accumulation.frames == 1:
         return (frame.points for frame in frames)
-    read = partial(_points, frames)
-    clouds = accumulation.clouds(read, frames.numbers, frames.known, frames.period_s)
+    clouds = accumulation.clouds(frames.points_of, frames.numbers, frames.known, frames.period_s)
     return (cloud() for cloud in clouds)
-
-
-def _points(frames: FrameSequence, number: int) -> Points:
-    return frames.frame(number).points
-
-
-def _table(numbers: Sequence[int], detections: Sequence[Found]) -> Detections:
-    counts = [len(one) for one in detections]
-    boxes = np.concatenate([np.empty((0, 7)), *(one.boxes for one in detections)])
-    table = Detections({"frame": np.repeat(np.asarray(numbers, np.int64), counts)})
-    names = [name for one in detections for name in one.names.tolist()]
-    table["type"] = pd.Series(names, dtype=object)
-    table[BOX] = boxes
-    scores = np.concatenate([np.empty(0), *(one.scores for one in detections)])
-    return Detections(table.assign(score=scores)[COLUMNS])

@@ -193,13 +193,6 @@ def model_file(run: Path, which: Literal["last", "best"] = "last") -> Path:
     raise FileNotFoundError(2, f"The folder has no {' or '.join(names)}", str(run))
 
 
-def is_of_anywhere(file: Path) -> bool:
-    """Returns whether a model was trained at many sites, to be used at others."""
-    if file.suffix == ".npz":
-        return False
-    return read_provenance(file).anywhere
-
-
 def transfer(run: Path, lidar_folder: Path) -> str:
     """Returns a text that lists how a folder differs from the training data of a model.
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pyinfra.core.arrays import FloatArray, IntArray, NameArray
 from pyinfra.core.errors import Error
 from pyinfra.core.names import StrPath, path_of
 from pyinfra.core.public import public
@@ -119,7 +120,14 @@ class Detections(pd.DataFrame):  # type: ignore[misc]  # pandas has no types
         paths = find_files(source, numbers, known, lidar_folder=truth).files
         simulated = Cameras((kitti.simulated(),), np.zeros(len(numbers), np.int64))
         table = read_predictions(paths, read_cameras(truth, numbers) if truth else simulated)
-        columns: dict[str, Any] = {"frame": np.array(numbers, np.int64)[table.frame]}
-        columns |= {"type": pd.Series(table.names.tolist(), dtype=object)}
-        columns |= dict(zip(BOX, table.boxes.T, strict=True)) | {"score": table.scores}
-        return cls(columns)
+        frame = np.array(numbers, np.int64)[table.frame]
+        return table_of(frame, table.names, table.boxes, table.scores)
+
+
+def table_of(
+    frame: IntArray, names: NameArray, boxes: FloatArray, scores: FloatArray
+) -> Detections:
+    """Returns a table of boxes (n, 7). frame: (n,) frame numbers."""
+    columns: dict[str, Any] = {"frame": frame, "type": pd.Series(names.tolist(), dtype=object)}
+    columns |= dict(zip(BOX, boxes.T, strict=True)) | {"score": scores}
+    return Detections(columns)

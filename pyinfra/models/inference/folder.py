@@ -24,15 +24,14 @@ from pyinfra.models.inference.detect import (
     detect,
     ground_and_region_of,
     inputs_used,
-    is_of_anywhere,
     load_detector,
-    once,
     stacking,
     transfer,
     write,
 )
 from pyinfra.models.inference.frames_learnt import frames_warning, model_origin
 from pyinfra.models.inference.static_filter import length_warning, without_standing
+from pyinfra.models.training.provenance import read_provenance
 from pyinfra.models.training.sources import spread
 
 OUTLINE_MARGIN_M = 1.0  # margin around an outline for inexact boxes, as in the detector Background
@@ -80,7 +79,7 @@ class InOutline:
         detections = self.detector.predict(points)
         keep = self.region.holds(detections.boxes, OUTLINE_MARGIN_M)
         keep |= np.isin(detections.names, PERSON_TYPES)
-        return Detections(detections.boxes[keep], detections.scores[keep], detections.names[keep])
+        return detections.select(keep)
 
 
 def place(
@@ -92,18 +91,26 @@ def place(
     ...]`. Raises Error for a height out of range, FormatError, and ConfigError for an invalid
     outline.
     """
-    if height_m is not None:
-        check_height(height_m)
     ground, region = (
         ground_and_region_of(lidar_folder) if lidar_folder is not None else (None, None)
     )
+    inside = outline_region(outline) if outline is not None else None
+    return replaced(ground, region, height_m, inside)
+
+
+def replaced(
+    ground: Ground | None, region: Region | None, height_m: float | None, inside: Region | None
+) -> Place:
+    """Returns a place. If height_m or `inside` is not None, it replaces the ground or the region.
+
+    Raises Error for a height out of range.
+    """
     if height_m is not None:
+        check_height(height_m)
         ground = level_ground(-height_m)
-    region = outline_region(outline) if outline is not None else region
-    arguments = {"height_m": height_m, "region": outline}
-    return Place(
-        ground, region, height_m, tuple(key for key, v in arguments.items() if v is not None)
-    )
+    arguments = {"height_m": height_m, "region": inside}
+    given = tuple(key for key, value in arguments.items() if value is not None)
+    return Place(ground, region if inside is None else inside, height_m, given)
 
 
 def detector_at_place(model: Path, where: Place, device: str = "cpu", threads: int = 1) -> Detector:
@@ -210,7 +217,6 @@ def detect_folder(
         warn_of_height(files, read, where, warn)
         if not drop_standing:
             return FolderDetections(files, *detect(detector, files, out, read=read), inputs=inputs)
-        once(files)
         detections_of_all, times = detect(detector, files, None, read=read)
         reads = [partial(kitti.read_points, file) for file in files]
         filtered = without_standing(reads, detections_of_all, where.region, where.ground)
@@ -253,7 +259,8 @@ def learnt_warning(
         text = f"the frames differ from those of the training: {difference}"
         return "" if allow_transfer else f"{text}; set `allow_transfer` if this is intended"
     is_split = split or (lidar_folder / "ImageSets/val.txt").is_file()
-    if is_split or not has_labels(lidar_folder) or is_of_anywhere(model):
+    anywhere = model.suffix != ".npz" and read_provenance(model).anywhere
+    if is_split or not has_labels(lidar_folder) or anywhere:
         return ""
     return (
         f"{lidar_folder} is not split, so all frames are used, including the training frames; run "

@@ -1,6 +1,6 @@
 """Quality measures of predictions on frames without labels."""
 
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -8,19 +8,18 @@ import numpy as np
 from pyinfra.core.arrays import IntArray
 from pyinfra.core.boxes import points_in_boxes
 from pyinfra.core.errors import Error
+from pyinfra.core.rows import concatenated
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions
+from pyinfra.dataset.frame_sequence import RecordedFrames
 from pyinfra.dataset.frame_tables import Predictions
-from pyinfra.dataset.frames import PERIOD_S, frame_numbers
-from pyinfra.dataset.ground import ground_of
+from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.health import folder_health
-from pyinfra.dataset.regions import region_of
 from pyinfra.formats import kitti
 from pyinfra.metrics.label_free_quality import BoxSeries, Trust, refusal, trust
 from pyinfra.metrics.prediction_checks import find_files
-from pyinfra.models.detectors.background import DEFAULT, Background
-from pyinfra.models.training.sources import spread
-from pyinfra.models.training.train import BACKGROUND_FRAMES
+from pyinfra.models.detectors.background import Background
+from pyinfra.models.training.train import background_of
 
 CLUSTER_SCORE = 0.3  # clusters of moving points with a lower score are not used
 OFF_M = 1.0  # a box is outside the region if its centre is more than this distance outside
@@ -49,19 +48,16 @@ def trust_of(
     )
     predictions = read_predictions(files.files, read_cameras(folder, frames))
     predictions = predictions.select(~np.isin(predictions.names, PERSON_TYPES))
-    lidar = kitti.read_lidar(folder) if (folder / "lidar.yaml").is_file() else None
-    region = region_of(folder, lidar.T_world_levelled) if lidar else None
-    period_s = lidar.period_s if lidar else PERIOD_S
+    sequence = RecordedFrames(folder, tuple(frames))
+    lidar, region, period_s = sequence.lidar, sequence.region, sequence.period_s
     is_recorded = lidar is None or lidar.preset == kitti.RECORDED
     health = folder_health(folder, frames, period_s) if is_recorded else []
     faulty = [row.frame for row in health if row.problems]
     if text := refusal(frames, period_s, faulty, has_region=region is not None):
         raise NoQuality(f"{folder}: predictions cannot be checked without labels: {text}")
-    clouds = [kitti.frame_file(folder, "velodyne", k) for k in frames]
-    chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
-    learnt = [kitti.read_points(clouds[i]) for i in chosen]
-    background = Background.learn(learnt, DEFAULT, region, ground_of(folder) if lidar else None)
-    moving, clusters = _second_opinion(background, clouds, frames, predictions)
+    reads = [partial(sequence.points_of, k) for k in frames]
+    background = background_of(reads, region, sequence.ground)
+    moving, clusters = _second_opinion(background, sequence, predictions)
     detections = BoxSeries(
         np.asarray(frames)[predictions.frame], predictions.boxes, predictions.scores
     )
@@ -77,18 +73,17 @@ def trust_of(
 
 
 def _second_opinion(
-    background: Background, clouds: Sequence[Path], frames: Sequence[int], predictions: Predictions
+    background: Background, sequence: RecordedFrames, predictions: Predictions
 ) -> tuple[IntArray, BoxSeries]:
     """Returns the number of moving points in each predicted box, and clusters of moving points."""
     moving = np.zeros(len(predictions), dtype=np.int64)
-    numbers, boxes, scores = [np.empty(0, np.int64)], [np.empty((0, 7))], [np.empty(0)]
-    for i, file in enumerate(clouds):
-        points = kitti.read_points(file)
+    parts = []
+    for i, number in enumerate(sequence.numbers):
+        points = sequence.points_of(number)
         rows = np.flatnonzero(predictions.frame == i)
         moving[rows] = points_in_boxes(background.moving(points), predictions.boxes[rows])
         clusters = background.predict(points)
-        keep = clusters.scores >= CLUSTER_SCORE
-        numbers.append(np.full(int(keep.sum()), frames[i]))
-        boxes.append(clusters.boxes[keep])
-        scores.append(clusters.scores[keep])
-    return moving, BoxSeries(np.concatenate(numbers), np.concatenate(boxes), np.concatenate(scores))
+        clusters = clusters.select(clusters.scores >= CLUSTER_SCORE)
+        numbers = np.full(len(clusters), number)
+        parts.append(BoxSeries(numbers, clusters.boxes, clusters.scores))
+    return moving, concatenated(parts)

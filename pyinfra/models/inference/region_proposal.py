@@ -26,15 +26,15 @@ from pyinfra.core.errors import Error
 from pyinfra.core.files import check_output, write
 from pyinfra.core.present import Presented
 from pyinfra.core.progress import track
+from pyinfra.core.rows import concatenated
 from pyinfra.dataset.frames import frame_numbers, period_of
 from pyinfra.dataset.ground import Ground, ground_of
 from pyinfra.dataset.outlines import Drawn, area, in_outline
-from pyinfra.formats import kitti
 from pyinfra.metrics.label_free_quality import BoxSeries, links, tracks
-from pyinfra.models.detectors.background import DEFAULT, Background
+from pyinfra.models.detectors.background import Background
 from pyinfra.models.inference.path_area import area_of
-from pyinfra.models.training.sources import spread
-from pyinfra.models.training.train import BACKGROUND_FRAMES
+from pyinfra.models.training.sources import read_frame
+from pyinfra.models.training.train import background_of
 
 SHORT_S = 30.0  # in a shorter recording, some lanes may have no vehicle
 LEAST_S = 10.0  # minimum duration of the recording
@@ -92,7 +92,7 @@ def propose_of_folder(lidar_folder: Path) -> Proposal:
     numbers, period_s = frame_numbers(lidar_folder, "all"), period_of(lidar_folder)
     road = ground_of(lidar_folder) if (lidar_folder / "lidar.yaml").is_file() else None
     try:
-        return propose_outline(partial(_cloud, lidar_folder), numbers, period_s, road)
+        return propose_outline(partial(read_frame, lidar_folder), numbers, period_s, road)
     except Error as error:
         raise Error(f"{lidar_folder}: {error}") from None
 
@@ -114,10 +114,6 @@ def _rings(rings: Sequence[FloatArray]) -> str:
 
 def _pairs(corners: FloatArray) -> str:
     return f"[{', '.join(f'[{x:g}, {y:g}]' for x, y in np.round(corners, 1))}]"
-
-
-def _cloud(lidar_folder: Path, number: int) -> Points:
-    return kitti.read_points(kitti.frame_file(lidar_folder, "velodyne", number))
 
 
 def propose_outline(
@@ -143,8 +139,7 @@ def propose_outline(
         )
     stride = gap * max(1, round(SPACING_S / (gap * period_s)))
     chosen = in_windows(spaced(numbers, stride))
-    learnt = [cloud_of(k) for k in spread(chosen, BACKGROUND_FRAMES)]
-    background = Background.learn(learnt, DEFAULT, None, road)
+    background = background_of([partial(cloud_of, k) for k in chosen], None, road)
     seen, moving = _clusters(background, cloud_of, chosen, stride)
     driven, paths = vehicle_paths(seen, period_s * stride)
     count = len(np.unique(tracks(links(seen, period_s * stride))[driven]))
@@ -172,18 +167,15 @@ def _clusters(
     The frames of the clusters are counted in strides. A larger gap counts as two strides or more,
     so that no track continues over it.
     """
-    frames, boxes, scores, moving = [], [], [], []
+    parts, moving = [], []
     strides = np.cumsum(np.ceil(np.diff(chosen, prepend=chosen[:1]) / stride)).astype(int)
     for number, at in zip(track(chosen, "frame"), strides, strict=True):
         points = cloud_of(number)
         clusters = background.predict(points)
-        keep = clusters.scores >= LEAST_SCORE
-        frames.append(np.full(int(keep.sum()), at))
-        boxes.append(clusters.boxes[keep])
-        scores.append(clusters.scores[keep])
+        clusters = clusters.select(clusters.scores >= LEAST_SCORE)
+        parts.append(BoxSeries(np.full(len(clusters), at), clusters.boxes, clusters.scores))
         moving.append(background.moving(points)[:, :2].astype(np.float64))
-    series = BoxSeries(np.concatenate(frames), np.concatenate(boxes), np.concatenate(scores))
-    return series, np.concatenate(moving)
+    return concatenated(parts), np.concatenate(moving)
 
 
 def spaced(numbers: Sequence[int], stride: int) -> list[int]:

@@ -1,20 +1,20 @@
 """Removes vehicle boxes that recur where no box ever moves, such as boxes on hedges and rails."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from pyinfra.core.arrays import BoolArray, FloatArray, Points
 from pyinfra.core.boxes import points_in_boxes
+from pyinfra.core.rows import concatenated
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.ground import Ground
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors import Detections
-from pyinfra.models.detectors.background import DEFAULT, Background
-from pyinfra.models.training.sources import spread
-from pyinfra.models.training.train import BACKGROUND_FRAMES
+from pyinfra.models.detectors.background import Background
+from pyinfra.models.detectors.suppression import empty
+from pyinfra.models.training.train import background_of
 
 LEAST_S = 60.0  # minimum duration of the frames for a reliable result
 SAME_POSITION_M = 0.7  # boxes whose centres are at most this far apart have the same position
@@ -36,20 +36,18 @@ def without_standing(
     stands for most of the time is also removed, unless another vehicle drives through its position.
     Pedestrians and cyclists are never removed. Raises Error if there is no point.
     """
-    chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
-    learnt = [clouds[i]() for i in chosen]
-    background = Background.learn(learnt, DEFAULT, region, road)
+    background = background_of(clouds, region, road)
     moves = [
         _moves(background, cloud(), d.boxes) for cloud, d in zip(clouds, detections, strict=True)
     ]
-    boxes = np.concatenate([np.empty((0, 7)), *(d.boxes for d in detections)])
-    vehicles = np.concatenate([np.empty(0, np.bool_), *(_are_vehicles(d) for d in detections)])
-    keep = np.ones(len(boxes), np.bool_)
+    every = concatenated([empty(), *detections])
+    vehicles = (every.scores >= LEAST_SCORE) & ~np.isin(every.names, PERSON_TYPES)
+    keep = np.ones(len(every), np.bool_)
     keep[vehicles] = ~standing(
-        boxes[vehicles], np.concatenate([np.empty(0, np.bool_), *moves])[vehicles]
+        every.boxes[vehicles], np.concatenate([np.empty(0, np.bool_), *moves])[vehicles]
     )
     ends = np.cumsum([len(d) for d in detections])[:-1]
-    return [_only(d, mask) for d, mask in zip(detections, np.split(keep, ends), strict=True)]
+    return [d.select(mask) for d, mask in zip(detections, np.split(keep, ends), strict=True)]
 
 
 def length_warning(numbers: Sequence[int], period_s: float) -> str:
@@ -99,17 +97,3 @@ def _moves(background: Background, points: Points, boxes: FloatArray) -> BoolArr
     """Returns in which boxes (k, 7) points move: (k,) bool."""
     moving = points_in_boxes(background.moving(points), boxes)
     return (moving > 0) & (moving > MOVING_SHARE * points_in_boxes(points, boxes))
-
-
-def _are_vehicles(detections: Detections) -> BoolArray:
-    likely = detections.scores >= LEAST_SCORE
-    return np.asarray(likely & ~np.isin(detections.names, PERSON_TYPES))
-
-
-def _only(detections: Detections, keep: BoolArray) -> Detections:
-    return replace(
-        detections,
-        boxes=detections.boxes[keep],
-        scores=detections.scores[keep],
-        names=detections.names[keep],
-    )

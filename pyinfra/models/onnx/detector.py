@@ -71,9 +71,11 @@ class OnnxDetector:
             return empty()
         whole = self.map.of(inside)
         for tile, session in self.tiles:
-            part = np.ascontiguousarray(whole[:, :, *tile.computed])
+            rows, columns = tile
+            part = np.ascontiguousarray(whole[:, :, rows.computed, columns.computed])
             (maps,) = session.run(None, {"map": part})
-            self.maps[:, *tile.used] = maps[0][:, *tile.used_inside]
+            inside_tile = maps[0][:, rows.used_inside, columns.used_inside]
+            self.maps[:, rows.used, columns.used] = inside_tile
         return self.best(self.maps)
 
     def best(self, maps: Float32Array) -> Detections:

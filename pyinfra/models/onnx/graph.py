@@ -11,7 +11,7 @@ import numpy as np
 
 from pyinfra.core.arrays import Float32Array, IntArray
 from pyinfra.models.detectors.centerpoint_config import Config
-from pyinfra.models.onnx.model_bytes import Model, Node, Tensor
+from pyinfra.models.onnx.model_bytes import Model, Node
 from pyinfra.models.onnx.tiles import Tile
 
 Weights = Mapping[str, Float32Array]
@@ -26,6 +26,7 @@ def model_of(config: Config, weights: Weights, tile: Tile) -> Model:
     output `maps` is (1, classes + 8 or 9, rows, columns): logits of the heat, followed by the
     numbers of a box. Its cells include the used ones of the tile.
     """
+    rows, columns = tile
     layers = _Layers(weights, tile)
     x, upsampled, factor = "map", list[str](), 1
     for i, n in enumerate(config.bev.layers):
@@ -33,18 +34,18 @@ def model_of(config: Config, weights: Weights, tile: Tile) -> Model:
             stride = config.bev.strides[i] if j == 0 else 1
             x = layers.convolution(x, f"bev.blocks.{i}.{j}.0", f"bev.blocks.{i}.{j}.1", stride)
         factor *= config.bev.strides[i] if i > 0 else 1
-        part = layers.cropped(x, tile.rows.crops[i], tile.columns.crops[i])
+        part = layers.cropped(x, rows.crops[i], columns.crops[i])
         upsampled.append(layers.enlarged(part, f"bev.ups.{i}.0", f"bev.ups.{i}.1", factor))
     x = layers.joined(upsampled)
     x = layers.convolution(x, "head.shared.0", "head.shared.1")
     layers.maps(x, "head.heat", "head.box")
     maps = len(config.classes) + len(weights["head.box.bias"])
-    size = tuple(part.stop - part.start for part in tile.computed)
+    size = tuple(part.computed.stop - part.computed.start for part in tile)
     return Model(
         layers.nodes,
         layers.constants,
-        [Tensor("map", (1, config.bev.widths[0], *size))],
-        [Tensor("maps", (1, maps, "rows", "columns"))],
+        ("map", (1, config.bev.widths[0], *size)),
+        ("maps", (1, maps, "rows", "columns")),
     )
 
 
@@ -67,7 +68,7 @@ class _Layers:
 
     def __init__(self, weights: Weights, tile: Tile) -> None:
         self.weights = weights
-        self.pads = zip(tile.rows.pads, tile.columns.pads, strict=True)
+        self.pads = zip(*(part.pads for part in tile), strict=True)
         self.nodes: list[Node] = []
         self.constants: dict[str, Float32Array | IntArray] = {}
 

@@ -30,22 +30,17 @@ class Node:
     attributes: Mapping[str, Attribute] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Tensor:
-    """An input or output of a model."""
-
-    name: str
-    shape: tuple[Dimension, ...]
-
-
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A graph of operations. weights: the constant inputs, by name."""
+    """A graph of operations with one input and one output.
+
+    weights: the constant inputs, by name. input, output: name and shape.
+    """
 
     nodes: Sequence[Node]
     weights: Mapping[str, Float32Array | IntArray]
-    inputs: Sequence[Tensor]
-    outputs: Sequence[Tensor]
+    input: tuple[str, tuple[Dimension, ...]]
+    output: tuple[str, tuple[Dimension, ...]]
 
     def __bytes__(self) -> bytes:
         return b"".join(_model(self))
@@ -64,9 +59,8 @@ def _graph(model: Model) -> Iterator[bytes]:
     yield _text(2, "detector")
     for name, array in model.weights.items():
         yield _bytes(5, b"".join(_constant(name, array)))
-    for number, tensors in ((11, model.inputs), (12, model.outputs)):
-        for tensor in tensors:
-            yield _bytes(number, _text(1, tensor.name) + _bytes(2, _type(tensor)))
+    for number, (name, shape) in ((11, model.input), (12, model.output)):
+        yield _bytes(number, _text(1, name) + _bytes(2, _type(shape)))
 
 
 def _node(node: Node) -> Iterator[bytes]:
@@ -95,10 +89,10 @@ def _constant(name: str, array: Float32Array | IntArray) -> Iterator[bytes]:
     yield _bytes(9, np.ascontiguousarray(array, dtype).tobytes())
 
 
-def _type(tensor: Tensor) -> bytes:
-    sizes = [_number(1, size) if isinstance(size, int) else _text(2, size) for size in tensor.shape]
-    shape = b"".join(_bytes(1, size) for size in sizes)
-    return _bytes(1, _number(1, FLOAT) + _bytes(2, shape))
+def _type(shape: tuple[Dimension, ...]) -> bytes:
+    sizes = [_number(1, size) if isinstance(size, int) else _text(2, size) for size in shape]
+    content = b"".join(_bytes(1, size) for size in sizes)
+    return _bytes(1, _number(1, FLOAT) + _bytes(2, content))
 
 
 def _text(number: int, text: str) -> bytes:

@@ -14,7 +14,6 @@ import numpy as np
 from pyinfra.core.arrays import BoolArray, IntArray
 from pyinfra.models.detectors.bev_config import BevConfig
 
-Part = tuple[slice, slice]  # ranges of rows and of columns
 Band = tuple[int, int, int, int]  # first row, end of rows, first column, end of columns
 HEAD_LAYERS = 2  # number of 3 x 3 convolutions after the blocks
 PER_TILE = 1000.0  # number of cells whose computing time equals the constant time of a tile
@@ -35,24 +34,8 @@ class Extent:
     crops: tuple[slice, ...]
 
 
-@dataclass(frozen=True)
-class Tile:
-    """A rectangle of cells of the map that is computed, and the part whose values are used."""
-
-    rows: Extent
-    columns: Extent
-
-    @property
-    def computed(self) -> Part:
-        return self.rows.computed, self.columns.computed
-
-    @property
-    def used(self) -> Part:
-        return self.rows.used, self.columns.used
-
-    @property
-    def used_inside(self) -> Part:
-        return self.rows.used_inside, self.columns.used_inside
+# A rectangle of cells of the map that is computed: its rows and columns
+Tile = tuple[Extent, Extent]
 
 
 def extent_of(used: slice, cells: int, bev: BevConfig) -> Extent:
@@ -158,4 +141,4 @@ def _ends(needed: BoolArray, step: int) -> tuple[IntArray, IntArray]:
 def _tile(band: Band, shape: tuple[int, ...], bev: BevConfig, *, turned: bool) -> Tile:
     used = slice(band[0], band[1]), slice(band[2], band[3])
     rows, columns = (extent_of(one, cells, bev) for one, cells in zip(used, shape, strict=True))
-    return Tile(columns, rows) if turned else Tile(rows, columns)
+    return (columns, rows) if turned else (rows, columns)

@@ -1,25 +1,27 @@
 """Sampling and search of points in concatenated clouds, for a whole batch at once.
 
-On a CPU the clouds are processed one by one, by the compiled extension where it is installed. On a
-GPU all clouds are processed together and no value is read. There, farthest point sampling and the
-search in balls are Triton kernels (triton_kernels.py) if Triton is installed. The PyTorch code
-copies the clouds to an array in which all clouds have the length of the longest.
+On a CPU the clouds are processed one by one, by the compiled extension and SciPy. On a GPU, and
+without the extension, all clouds are processed together; no value on a GPU is read. There, farthest
+point sampling and the search in balls are Triton kernels (triton_kernels.py) if Triton is
+installed. The PyTorch code copies the clouds to an array in which all clouds have the length of the
+longest.
 
 Coordinates are (n, 3) float32, metres, all clouds concatenated. `counts` are the numbers of points
 of the clouds: integers, or a tensor (clouds,) int64 if the CPU does not know them. Rows are int64.
-Searches have no gradient.
+Searches have no gradient. They are those of PointNet++ (Qi et al., 2017).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
+from scipy.spatial import cKDTree
 from torch import Tensor
 
 from pyinfra.models.ops import triton_kernels
 from pyinfra.models.ops.constants import constant, numbers
-from pyinfra.models.ops.kernels import on_cpu
-from pyinfra.models.ops.points import ball_query, chunk_of, farthest_points, squared, three_nearest
+from pyinfra.models.ops.kernels import kernels, on_cpu
+from pyinfra.models.ops.points import chunk_of, squared
 
 Counts = Sequence[int] | Tensor
 
@@ -53,13 +55,16 @@ def farthest_of_clouds(xyz: Tensor, counts: Counts, most: int) -> tuple[Tensor, 
     """Samples at most `most` points of each cloud by farthest point sampling.
 
     Returns the rows (m,) of the sampled points and their number in each cloud. All points of a
-    cloud with up to `most` points are returned, in their order.
+    cloud with up to `most` points are returned, in their order. In a larger cloud, the first point
+    is sampled, and then the point that is farthest from all previous points. If several points are
+    equally far, the point with the lowest row is taken.
     """
-    if on_cpu(xyz):
+    if kernels is not None and on_cpu(xyz):
         indices, start = [torch.zeros(0, dtype=torch.int64)], 0
         for count in sizes_of(counts):
             if count > most:
-                indices.append(start + farthest_points(xyz[start : start + count], most))
+                cloud = xyz[start : start + count].contiguous().numpy()
+                indices.append(start + torch.from_numpy(kernels.farthest_points(cloud, most)))
             else:
                 indices.append(torch.arange(start, start + count))
             start += count
@@ -87,7 +92,7 @@ def neighbours(
     metres. most: largest number of points of a centre; if there are more, the first points by row
     are returned.
     """
-    if on_cpu(xyz):
+    if kernels is not None and on_cpu(xyz):
         return _neighbours_one_by_one(xyz, counts, centres, of_centres, radius, most)
     number, of_centre = on_device(counts, xyz), on_device(of_centres, xyz)
     if triton_kernels.usable(xyz):
@@ -113,9 +118,11 @@ def nearest_of_clouds(
         start = first = 0
         for n, m in zip(sizes_of(counts), sizes_of(of_known), strict=True):
             if n > 0:
-                apart, nearest = three_nearest(xyz[start : start + n], known[first : first + m])
-                distances.append(apart)
-                rows.append(nearest + first)
+                tree = cKDTree(known[first : first + m].numpy())
+                apart, nearest = tree.query(xyz[start : start + n].numpy(), k=3)
+                nearest[nearest == m] = 0  # missing points
+                distances.append(torch.from_numpy(apart).to(xyz.dtype))
+                rows.append(torch.from_numpy(nearest) + first)
             start, first = start + n, first + m
         return torch.cat(distances), torch.cat(rows)
     places, others = _places(xyz, on_device(counts, xyz)), _places(known, on_device(of_known, xyz))
@@ -189,15 +196,16 @@ def _farthest_of_all(xyz: Tensor, counts: Tensor, most: int) -> Tensor:
 def _neighbours_one_by_one(
     xyz: Tensor, counts: Counts, centres: Tensor, of_centres: Counts, radius: float, most: int
 ) -> tuple[Tensor, Tensor]:
+    assert kernels is not None
     points, owners = [torch.zeros(0, dtype=torch.int64)], [torch.zeros(0, dtype=torch.int64)]
     start = first = 0
     for n, m in zip(sizes_of(counts), sizes_of(of_centres), strict=True):
         if n > 0 and m > 0:
-            rows, empty = ball_query(
-                xyz[start : start + n], centres[first : first + m], radius, most
-            )
+            cloud = xyz[start : start + n].contiguous().numpy()
+            around = centres[first : first + m].contiguous().numpy()
+            rows, empty = map(torch.from_numpy, kernels.ball_query(cloud, around, radius, most))
             new = rows != rows[:, :1]  # ball_query fills a ball with copies of its first point
-            new[:, 0] = ~empty
+            new[:, 0] = empty == 0
             points.append(rows[new] + start)
             owners.append(new.nonzero()[:, 0] + first)
         start, first = start + n, first + m

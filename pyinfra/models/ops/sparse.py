@@ -24,7 +24,6 @@ from pyinfra.models.ops.rulebooks import (
     strided_table,
     submanifold_rulebook,
     submanifold_table,
-    triple,
 )
 from pyinfra.models.ops.triton_layers import usable
 
@@ -60,11 +59,11 @@ class _Layer(nn.Module):
         channels_in: int,
         channels_out: int,
         key: str,
-        kernel: int | Triple = 3,
+        kernel: Triple = (3, 3, 3),
         bias: bool = False,
     ) -> None:
         super().__init__()
-        self.key, self.kernel = key, triple(kernel)
+        self.key, self.kernel = key, kernel
         # The weights are initialised as in a dense convolution of PyTorch.
         bound = 1 / math.sqrt(channels_in * math.prod(self.kernel))
         weight = torch.empty(math.prod(self.kernel), channels_in, channels_out)
@@ -72,16 +71,19 @@ class _Layer(nn.Module):
         shift = torch.empty(channels_out).uniform_(-bound, bound)
         self.bias = nn.Parameter(shift) if bias else None
 
-    def _convolved(self, x: SparseTensor, rulebook: Rulebook | Table) -> SparseTensor:
-        if rulebook.source is not x.coordinates:
-            raise ValueError(
-                f"key {self.key}: expected the voxels of the first layer with this key, got "
-                "different voxels"
-            )
+    def forward(self, x: SparseTensor) -> SparseTensor:
+        """Maps features (n, c_in) to (m, c_out)."""
+        if self.key not in x.rulebooks:
+            x.rulebooks[self.key] = self.pairs(x)
+        rulebook = x.rulebooks[self.key]
         features = convolve(x.features, self.weight, rulebook, self.bias)
         return replace(
             x, features=features, coordinates=rulebook.target, shape=rulebook.target_shape
         )
+
+    def pairs(self, x: SparseTensor) -> Rulebook | Table:
+        """Returns which voxels each output voxel reads."""
+        raise NotImplementedError
 
 
 class SubmanifoldConv3d(_Layer):
@@ -91,38 +93,33 @@ class SubmanifoldConv3d(_Layer):
     odd.
     """
 
-    def forward(self, x: SparseTensor) -> SparseTensor:
-        """Maps features (n, c_in) to (n, c_out)."""
-        if self.key not in x.rulebooks:
-            make = submanifold_table if usable(x.features) else submanifold_rulebook
-            x.rulebooks[self.key] = make(x.coordinates, x.shape, self.kernel)
-        return self._convolved(x, x.rulebooks[self.key])
+    def pairs(self, x: SparseTensor) -> Rulebook | Table:
+        make = submanifold_table if usable(x.features) else submanifold_rulebook
+        return make(x.coordinates, x.shape, self.kernel)
 
 
 class SparseConv3d(_Layer):
-    """Convolution, usually with a stride, whose output has all voxels that the kernel reaches."""
+    """Convolution, usually with a stride, whose output has all voxels that the kernel reaches.
+
+    Output voxels are sorted by batch, z, y, x.
+    """
 
     def __init__(
         self,
         channels_in: int,
         channels_out: int,
         key: str,
-        kernel: int | Triple = 3,
-        stride: int | Triple = 2,
-        padding: int | Triple = 1,
+        kernel: Triple = (3, 3, 3),
+        stride: Triple = (2, 2, 2),
+        padding: Triple = (1, 1, 1),
         bias: bool = False,
     ) -> None:
         super().__init__(channels_in, channels_out, key, kernel, bias)
-        self.stride, self.padding = triple(stride), triple(padding)
+        self.stride, self.padding = stride, padding
 
-    def forward(self, x: SparseTensor) -> SparseTensor:
-        """Maps features (n, c_in) to (m, c_out); output voxels are sorted by batch, z, y, x."""
-        if self.key not in x.rulebooks:
-            make = strided_table if usable(x.features) else strided_rulebook
-            x.rulebooks[self.key] = make(
-                x.coordinates, x.shape, self.kernel, self.stride, self.padding
-            )
-        return self._convolved(x, x.rulebooks[self.key])
+    def pairs(self, x: SparseTensor) -> Rulebook | Table:
+        make = strided_table if usable(x.features) else strided_rulebook
+        return make(x.coordinates, x.shape, self.kernel, self.stride, self.padding)
 
 
 def convolve(
@@ -132,14 +129,10 @@ def convolve(
 
     The result is reproducible on every device.
     """
-    by_table = isinstance(rulebook, Table)
-    offsets = len(rulebook.inputs if isinstance(rulebook, Table) else rulebook.counts)
-    if len(weight) != offsets:
-        raise ValueError(f"rulebook: expected {len(weight)} offsets, got {offsets}")
     kind = features.device.type
     if torch.is_autocast_enabled(kind):
         features = features.to(torch.get_autocast_dtype(kind))
-    function = _TableConvolution if by_table else _Convolution
+    function = _TableConvolution if isinstance(rulebook, Table) else _Convolution
     result: Tensor = function.apply(features, weight.to(features.dtype), rulebook)  # type: ignore[no-untyped-call]
     return result if bias is None else result + bias
 

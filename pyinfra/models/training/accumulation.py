@@ -6,7 +6,7 @@ Stacking is useful if the scan pattern of the sensor does not repeat.
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
@@ -27,9 +27,6 @@ class Accumulation:
     def __post_init__(self) -> None:
         if not 1 <= self.frames <= MOST_FRAMES:
             raise Error(f"accumulate: expected 1 to {MOST_FRAMES}, got {self.frames}")
-        if self.label_at not in get_args(LabelAt):
-            allowed = ", ".join(get_args(LabelAt))
-            raise Error(f"label_at: expected one of {allowed}; got '{self.label_at}'")
         if self.frames == 1 and self.label_at != "newest":
             raise Error(f"label_at: expected 'newest' for a single frame, got '{self.label_at}'")
 

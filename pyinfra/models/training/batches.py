@@ -10,7 +10,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
-import torch
 from torch.utils.data import DataLoader, Dataset
 
 from pyinfra.models.detectors.batch import Batch
@@ -82,7 +81,6 @@ def from_workers(
         pin_memory=pinned,
         # A forked worker shares the frames in memory, and can run the caller's own functions.
         multiprocessing_context="fork" if forks else None,
-        worker_init_fn=_prepare,
     )
     return _batches(iter(loader))
 
@@ -98,7 +96,3 @@ def _batches(tasks: Iterable[Any]) -> Generator[tuple[int, Batch]]:
 
 def _as_it_is(made: Any) -> Any:
     return made
-
-
-def _prepare(_: int) -> None:
-    torch.set_num_threads(1)

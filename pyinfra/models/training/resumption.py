@@ -1,6 +1,5 @@
 """Resumes a training at its last checkpoint, if its settings are the same."""
 
-import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from pyinfra.models.detectors.network import Network
 from pyinfra.models.training import checkpoint
 from pyinfra.models.training.checkpoint import Checkpoint
 from pyinfra.models.training.provenance import Provenance
-from pyinfra.models.training.recipe import Learning, Precision, Recipe
+from pyinfra.models.training.recipe import Learning, Precision
 from pyinfra.models.training.samples import Augmentation
 
 PASSING = ("step", "version")  # fields of a checkpoint that may differ when a training resumes
@@ -37,20 +36,6 @@ class Description(Provenance):
     frames: int = 0  # number of training frames
     precision: Precision = "float32"
     drawn: str = ""  # how the samples of a stream are chosen, or a digest of the labels
-
-
-def describe(
-    provenance: Provenance, recipe: Recipe, frames: int, precision: Precision, drawn: str = ""
-) -> Description:
-    fields = {f.name: getattr(provenance, f.name) for f in dataclasses.fields(provenance)}
-    return Description(
-        **fields,
-        learning=recipe.learning,
-        augmentation=recipe.augmentation,
-        frames=frames,
-        precision=precision,
-        drawn=drawn,
-    )
 
 
 def read_begun(out: Path, ours: Description) -> Checkpoint | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import bisect
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -44,7 +43,7 @@ class Augmentation:
 class SiteSample(Sample):
     """A sample with the region of its site; z of points and boxes is measured from the road."""
 
-    region: Region = field(kw_only=True)  # region in which vehicles can be
+    region: Region = field(kw_only=True)  # where vehicles can be, in the frame before augmentation
 
 
 class Samples(Protocol):
@@ -53,21 +52,17 @@ class Samples(Protocol):
     @property
     def together(self) -> int:
         """Number of consecutive samples that are made together."""
-        ...
 
     def __len__(self) -> int:
         """Returns the number of different samples."""
-        ...
 
     def nth(self, seed: int, n: int) -> int:
         """Returns which sample is the n-th of the training. n may exceed the number of samples."""
-        ...
 
     def sample(self, i: int) -> Sample: ...
 
     def another(self, i: int, rng: np.random.Generator) -> Sample:
         """Returns a random sample of the same LiDAR as sample i, for its objects."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,22 +193,7 @@ def moved(sample: Sample, *, turn: float, scale: float, flip: bool) -> Sample:
     boxes[:, 3:6] *= scale
     height_m = scale * sample.height_m
     boxes[:, 6] = (side * boxes[:, 6] + turn + np.pi) % (2 * np.pi) - np.pi
-    if not isinstance(sample, SiteSample):
-        return replace(sample, points=points, boxes=boxes, height_m=height_m)
-    level = linear[:2, :2]
-    region = Region(partial(_in_moved, sample.region, level), sample.region.corners @ level)
-    return replace(sample, points=points, boxes=boxes, region=region, height_m=height_m)
-
-
-def _in_moved(
-    region: Region, linear: FloatArray, positions: FloatArray, margin_m: float
-) -> BoolArray:
-    """Returns which positions lie in a region whose points were multiplied by `linear` (2, 2).
-
-    Points are row vectors: new = old @ linear.
-    """
-    before = positions[:, :2] @ np.linalg.inv(linear)
-    return region.holds(before, margin_m / float(np.sqrt(abs(np.linalg.det(linear)))))
+    return replace(sample, points=points, boxes=boxes, height_m=height_m)
 
 
 def with_pasted(
@@ -224,7 +204,9 @@ def with_pasted(
     Objects are pasted from each class in turn, so that rare classes are pasted as often as others.
     """
     order = rng.permutation(len(other.boxes))
-    order = order[np.argsort(_ranks_in_class(other.numbers[order]), kind="stable")]
+    of_class = other.numbers[order]
+    earlier = np.tril(of_class[:, None] == of_class, -1).sum(axis=1)  # objects of the same class
+    order = order[np.argsort(earlier, kind="stable")]
     free = np.ones(len(order), dtype=np.bool_)
     if len(sample.boxes) > 0:
         free = bev_iou(other.boxes, sample.boxes).max(axis=1, initial=0) == 0
@@ -249,15 +231,6 @@ def with_pasted(
         boxes=np.concatenate(boxes),
         classes=np.concatenate(numbers),
     )
-
-
-def _ranks_in_class(numbers: IntArray) -> IntArray:
-    """Returns for each element the number of earlier elements of the same class: (n,)."""
-    ranks = np.zeros(len(numbers), np.int64)
-    for number in np.unique(numbers):
-        of_class = numbers == number
-        ranks[of_class] = np.arange(of_class.sum())
-    return ranks
 
 
 def hidden_by(hiding: Points, points: Points, height_m: float) -> BoolArray:

@@ -189,6 +189,18 @@ def read_frame(folder: Path, frame: int) -> Points:
     return kitti.read_points(kitti.frame_file(folder, "velodyne", frame))
 
 
+def common_label_time(sources: Sequence[Source]) -> LabelTime:
+    """Returns the label time that all sources share. Raises Error if their label times differ."""
+    first = sources[0]
+    for other in sources:
+        if other.label_time != first.label_time:
+            raise Error(
+                f"{other.lidar} in {other.scene}: label_time: expected {first.label_time}, got "
+                f"{other.label_time}; {first.lidar} in {first.scene} has {first.label_time}"
+            )
+    return first.label_time
+
+
 def on_road(source: Source) -> Source:
     """Returns the source with z of clouds and boxes measured from the road, as networks need it.
 

@@ -16,21 +16,22 @@ import numpy as np
 import yaml
 from tqdm import tqdm
 
-from pyinfra.core.arrays import FloatArray
+from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.core.config import as_plain
 from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.files import alone, replacing, write
 from pyinfra.core.progress import is_shown
-from pyinfra.models.detectors.background import Background
+from pyinfra.models.detectors.background import DEFAULT, Background, Config
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.pytorch import need_pytorch
-from pyinfra.models.training.common_settings import common_accumulation, common_label_time
 from pyinfra.models.training.provenance import Provenance, read_provenance
 from pyinfra.models.training.recipe import Precision, Recipe
 from pyinfra.models.training.samples import Frames
-from pyinfra.models.training.sources import Source, Stream, on_road, spread
+from pyinfra.models.training.sources import Source, Stream, common_label_time, on_road, spread
 
 if TYPE_CHECKING:
+    from pyinfra.dataset.ground import Ground
+    from pyinfra.dataset.regions import Region
     from pyinfra.models.detectors.network import Network
     from pyinfra.models.training.loop import Progress
     from pyinfra.models.training.resumption import Description
@@ -109,12 +110,21 @@ def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: P
             f"accumulate: expected 1 for background, got {source.accumulation.frames}; background "
             "uses single frames"
         )
-    chosen = spread(range(len(source.clouds)), BACKGROUND_FRAMES)
     file = out / "background.npz"
-    clouds = [source.clouds[i]() for i in chosen]
-    background = Background.learn(clouds, recipe.network, source.region, source.ground)
+    background = background_of(source.clouds, source.region, source.ground, recipe.network)
     background.save(file, source.frames_version)
     return file
+
+
+def background_of(
+    clouds: Sequence[Callable[[], Points]],
+    region: Region | None,
+    ground: Ground | None,
+    settings: Config = DEFAULT,
+) -> Background:
+    """Learns the background from at most BACKGROUND_FRAMES clouds, evenly spread."""
+    chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
+    return Background.learn([clouds[i]() for i in chosen], settings, region, ground)
 
 
 def _train_network(
@@ -130,7 +140,7 @@ def _train_network(
     need_pytorch()
     import torch
 
-    from pyinfra.models.detectors import distributed, windows
+    from pyinfra.models.detectors import distributed
     from pyinfra.models.detectors.network import device_of
     from pyinfra.models.training import checkpoint, loop, resumption
 
@@ -138,10 +148,14 @@ def _train_network(
     frames = stream.samples
     torch.manual_seed(seed)
     network = checkpoint.build(recipe.detector, recipe.network, stream.site)
-    windows.check(network, recipe.learning.window_m2)
-    if recipe.learning.balance > 0 and not network.balances_frames:
-        name = type(network).__name__
-        raise Error(f"learning.balance: expected 0 for {name}, got {recipe.learning.balance:g}")
+    for key, is_supported in (
+        ("window_m2", network.learns_in_windows),
+        ("balance", network.balances_frames),
+    ):
+        value = getattr(recipe.learning, key)
+        if value > 0 and not is_supported:
+            name = type(network).__name__
+            raise Error(f"learning.{key}: expected 0 for {name}, got {value:g}")
     if getattr(recipe.network, "age", False) and stream.accumulation.frames == 1:
         raise Error("network.age: expected false for single frames, got true")
     if network.classes != stream.classes:
@@ -152,7 +166,14 @@ def _train_network(
     provenance = _provenance(recipe, stream, seed)
     if recipe.learning.start:
         provenance = _begun_with(network, Path(recipe.learning.start), provenance)
-    description = resumption.describe(provenance, recipe, len(frames), precision, stream.drawn)
+    description = resumption.Description(
+        **vars(provenance),
+        learning=recipe.learning,
+        augmentation=recipe.augmentation,
+        frames=len(frames),
+        precision=precision,
+        drawn=stream.drawn,
+    )
     with distributed.joined(device_of(device)) as torch_device:
         distributed.check_batch(recipe.learning.batch)
         # All processes are connected here, so all of them read the same checkpoint.
@@ -284,7 +305,7 @@ def _stream(sources: Sequence[Source] | Stream, kept: int) -> tuple[Stream, Fram
     ground = sources[0].ground if len(sources) == 1 else None
     stream = Stream(
         *(lidar, preset, scene, label_time, frames, site, ground),
-        accumulation=common_accumulation(sources),
+        accumulation=sources[0].accumulation,
         classes=sources[0].classes,
         drawn=f"labels {_digest(frames.boxes)}",
         frames_version=" ".join(numbers),
