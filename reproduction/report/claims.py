@@ -4,10 +4,9 @@ import re
 
 import pandas as pd
 
-from pyinfra.core.vocabulary import PRESETS
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.viz.report.blocks import NOTHING, Column, Section, Table, TableCell, Text, shown, span
-from pyinfra.viz.report.names import Names, in_order
+from pyinfra.viz.report.names import Names, in_order, ordered
 from pyinfra.viz.report.report_data import Material
 from reproduction.report.scenes import are_of_the_paper
 
@@ -47,7 +46,7 @@ def section(material: Material) -> Section | None:
         rows["key"] = [
             f"{s}, {k}" if isinstance(s, str) else k for s, k in rows[["scene", "key"]].values
         ]
-    presets = in_order(rows.preset, PRESETS)
+    presets = ordered(rows.preset)
     table = Table(
         "One row per test. A claim holds if the 95 % interval lies inside the stated range. It "
         "fails if the interval lies outside, and is undecided otherwise.",
