@@ -27,7 +27,7 @@ from pyinfra.metrics.evaluation_tables import (
 from pyinfra.metrics.ground_truth import GroundTruth
 from pyinfra.metrics.match_input import are_people, match_input
 from pyinfra.metrics.match_results import MatchResult, primary_results
-from pyinfra.metrics.match_tables import match_table, ring_rows, rings
+from pyinfra.metrics.match_tables import match_table, rings
 from pyinfra.metrics.prediction_checks import Finding
 from pyinfra.metrics.settings import Settings
 
@@ -78,7 +78,7 @@ class Evaluation(Presented):
         """
         rows = []
         for which, result in self._results.items():
-            rows += [{"ground_truth": which, **row} for row in ring_rows(result)]
+            rows += [{"ground_truth": which, **row} for row, _ in rings(result)]
         return pd.DataFrame(rows)
 
     def save(self, folder: StrPath) -> list[Path]:
@@ -99,7 +99,7 @@ class Evaluation(Presented):
 
     def rings(self, which: str) -> dict[float, Bootstrapped]:
         """Returns AP (R1000) of the rings of a ground-truth subset, by the middle of the ring."""
-        return {middle_m: figure for middle_m, _, figure in rings(self._results[which])}
+        return {row["distance_m"]: figure for row, figure in rings(self._results[which])}
 
     @cached_property
     def matches(self) -> pd.DataFrame:

@@ -9,7 +9,6 @@ import pandas as pd
 from pyinfra.core.arrays import BoolArray
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.dataset.roads import Places
-from pyinfra.metrics import ap
 from pyinfra.metrics.comparison import Bootstrapped
 from pyinfra.metrics.evaluation_tables import ap_r1000_of, r1000_columns
 from pyinfra.metrics.match_results import MatchResult
@@ -32,10 +31,11 @@ class Ring:
         return np.asarray(places.inside & (distance >= self.low_m) & (distance < self.high_m))
 
 
-def rings(result: MatchResult) -> Iterator[tuple[float, ap.Ranking, Bootstrapped]]:
-    """Yields the middle, in metres, and AP (R1000) of each ring up to the farthest counted object.
+def rings(result: MatchResult) -> Iterator[tuple[dict[str, float], Bootstrapped]]:
+    """Yields a row for each ring up to the farthest counted object, and the replicates of its AP.
 
-    AP is NaN for a ring without objects.
+    A row has the middle of the ring in metres, AP (R1000) with its interval, and counts. AP is NaN
+    for a ring without objects.
     """
     truth = result.match_input.truth
     pose = truth.lidar.T_world_levelled if truth.lidar is not None and truth.roads else None
@@ -44,18 +44,16 @@ def rings(result: MatchResult) -> Iterator[tuple[float, ap.Ranking, Bootstrapped
     distance = np.hypot(places.xy[:, 0] - x, places.xy[:, 1] - y)[result.counted]
     for i in range(int(distance.max(initial=0) // RING_M) + 1):
         ranking = result.ranking(Ring(x, y, i * RING_M, (i + 1) * RING_M))
-        yield (i + 0.5) * RING_M, ranking, ap_r1000_of(result, ranking)
-
-
-def ring_rows(result: MatchResult) -> Iterator[dict[str, float]]:
-    """Yields AP (R1000) of each ring with its interval, and the counts of the ring."""
-    for middle_m, ranking, r1000 in rings(result):
-        yield {
-            "distance_m": middle_m,
-            **r1000_columns(result, r1000, ranking),
-            "objects": int(ranking.objects.sum()),
-            "predictions": len(ranking.slot),
-        }
+        r1000 = ap_r1000_of(result, ranking)
+        yield (
+            {
+                "distance_m": (i + 0.5) * RING_M,
+                **r1000_columns(result, r1000, ranking),
+                "objects": int(ranking.objects.sum()),
+                "predictions": len(ranking.slot),
+            },
+            r1000,
+        )
 
 
 def match_table(result: MatchResult) -> pd.DataFrame:
