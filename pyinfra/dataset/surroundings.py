@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from pyinfra.core.arrays import FloatArray, Floats
+from pyinfra.core.arrays import BoolArray, FloatArray, Floats
 from pyinfra.dataset.profile import profile_of
 from pyinfra.dataset.roads import Road, locate, offset_curve, read_roads
 from pyinfra.formats import kitti
@@ -112,6 +112,22 @@ def road_lines(around: Surroundings) -> Iterator[RoadLine]:
             yield RoadLine("edge", _aside(around, road, side * road.half_width))
         for left_m, solid in painted.items():
             yield RoadLine("solid" if solid else "dashed", _aside(around, road, left_m))
+
+
+def pieces(line: FloatArray, good: BoolArray, step: int) -> Iterator[FloatArray]:
+    """Yields the pieces of a line (n, m) with two or more points, all of which are `good` (n,).
+
+    The pieces are thinned by `step`.
+    """
+    edges = np.flatnonzero(np.diff(good)) + 1
+    for part in np.split(np.arange(len(line)), edges):
+        if good[part[0]] and len(part) > 1:
+            yield thinned(line[part], step)
+
+
+def thinned(line: FloatArray, step: int) -> FloatArray:
+    """Returns every point of a line (n, m) at a multiple of `step`, and the last point."""
+    return np.append(line[:-1:step], line[-1:], axis=0)
 
 
 def _aside(around: Surroundings, road: Road, left_m: Floats | float) -> FloatArray:

@@ -12,7 +12,8 @@ from pyinfra.dataset.catalogue import LIDARS, SCENES, lidar_file, scene_file
 from pyinfra.dataset.runs import SimulatorError, infrasim
 from pyinfra.formats import kitti
 from pyinfra.viz import clouds
-from pyinfra.viz.pattern_picture import draw_patterns
+from pyinfra.viz.pattern_picture import pattern_picture
+from pyinfra.viz.picture_style import save
 from reproduction.arguments import command
 from reproduction.hit_points import PRESET, hit_table, table_text, write_table
 from reproduction.simulate import simulate
@@ -66,7 +67,8 @@ def main(*, out: Path = Path("out/demo"), frames: str = "0:3") -> None:
     }
     read = [kitti.read_lidar(folder) for folder in data_sets[0]]
     periods_s = {lidar.model: lidar.period_s for lidar in read}
-    pictures.append(draw_patterns(patterns, out / "pictures/patterns.png", periods_s))
+    pictures.append(out / "pictures/patterns.png")
+    save(pattern_picture(patterns, periods_s), pictures[-1])
     progress("done")
     print(f"\nhit points   {out / 'hit_points.csv'}\nframes       {out / 'data'}")
     for file in pictures:

@@ -123,7 +123,7 @@ def _plans(material: Material, data_sets: Sequence[DataSet]) -> list[Block]:
 
 def _plan_of_data(data: DataSet) -> Drawing:
     read = scene_pictures.read_scene([data.lidar_folder(name) for name in data.names])
-    return scene_pictures.plan([read])
+    return scene_pictures.plan(read)
 
 
 def _plan_of_package(scene: str) -> Drawing | None:
