@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.core.arrays import BoolArray, FloatArray, concatenated
 from pyinfra.core.errors import Error
-from pyinfra.core.rows import concatenated
 from pyinfra.core.vocabulary import Subset
 from pyinfra.dataset import regions
 from pyinfra.dataset.data_set import MIN_VISIBILITY, field_of_view_mask, is_of_lanes, read_lidars

@@ -26,9 +26,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, Rows
 from pyinfra.core.boxes import bev_overlap
-from pyinfra.core.rows import Rows
 
 CUTS = (0.1, 0.2, 0.3, 0.5, 0.7)
 POINTS = 3
