@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.viz.drawn_area import DrawnArea
-from pyinfra.viz.picture_style import STYLE
+from pyinfra.viz.picture_style import STYLE, DrawnArea
 
 CAR_AT_M = 60.0
 # Azimuth and elevation (rad) of a car's rear, 1.8 m wide and 1.5 m high. The sensor is 6 m higher

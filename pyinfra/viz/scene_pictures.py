@@ -22,9 +22,15 @@ from pyinfra.dataset.surroundings import Surroundings, read_surroundings, road_l
 from pyinfra.dataset.world_frame import to_world
 from pyinfra.formats import kitti
 from pyinfra.viz import clouds
-from pyinfra.viz.drawn_area import window_around
-from pyinfra.viz.picture_style import COLOURS, REGION_COLOUR, STYLE, legend_below
-from pyinfra.viz.plan_marks import draw_north, draw_scale
+from pyinfra.viz.picture_style import (
+    COLOURS,
+    REGION_COLOUR,
+    STYLE,
+    draw_north,
+    draw_scale,
+    legend_below,
+    window_around,
+)
 
 STATION_STEP_M = 20.0
 SCALE_M = 20.0

@@ -18,9 +18,9 @@ from pyinfra.formats import kitti
 from pyinfra.viz import clouds, frame_pictures
 from pyinfra.viz import cutouts as cutout_figures
 from pyinfra.viz import scene_pictures as scene_figures
+from pyinfra.viz.clouds import read_snapshot
 from pyinfra.viz.cutouts import DISTANCES_M
 from pyinfra.viz.scene_pictures import Scene
-from pyinfra.viz.snapshot import read_snapshot
 
 LIDARS = ("livox_avia", "helios_16")
 
