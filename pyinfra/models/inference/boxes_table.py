@@ -23,8 +23,7 @@ from pyinfra.core.present import Presented
 from pyinfra.core.progress import track
 from pyinfra.core.public import CALLER, public
 from pyinfra.dataset.frame_sequence import FrameSequence
-from pyinfra.dataset.ground import level_ground
-from pyinfra.dataset.height_checks import CHECKED, check_height, height_warnings
+from pyinfra.dataset.ground import CHECKED, check_height, height_warnings, level_ground
 from pyinfra.dataset.loading import AnyFrames, sequence_of
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.dataset.outlines import Drawn
