@@ -137,9 +137,8 @@ def test_fields_of_view_differ_in_colour_and_line(data_sets: dict[str, Path]) ->
 def test_the_plan_of_an_imported_scene_has_a_north_arrow(
     is_imported: bool, data_sets: dict[str, Path]
 ) -> None:
-    (axes,) = scene_figures.plan(
-        [replace(read(data_sets["highway"]), is_imported=is_imported)]
-    ).axes
+    scene = replace(read(data_sets["highway"]), is_imported=is_imported)
+    (axes,) = scene_figures.plan(scene).axes
     texts = [text.get_text() for text in axes.texts]
     assert ("N" in texts) == ("north" in axes.get_ylabel()) == is_imported
     assert any(text.strip() == "20 m" for text in texts)
