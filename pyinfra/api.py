@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from pyinfra.core.errors import Error
-from pyinfra.core.names import StrPath, check_name, file_or_name, path_of
+from pyinfra.core.names import StrPath, file_or_name, path_of
 from pyinfra.core.progress import show_line
 from pyinfra.core.public import CALLER, public
 from pyinfra.dataset.catalogue import shipped
@@ -95,13 +95,11 @@ def train(
     >>> len(pi.detect(model, frames)) > 0
     True
     """
-    from pyinfra.core.vocabulary import TIERS
     from pyinfra.models.inference.boxes_table import load_detector
     from pyinfra.models.training import train as training
     from pyinfra.models.training.recipe import read_recipe
     from pyinfra.models.training.sources import read_source, sequence_source
 
-    check_name(tier, TIERS, "tier")
     given: list[Any] = list(frames) if isinstance(frames, (list, tuple)) else [frames]
     if not given:
         raise Error("frames: expected one or more frames, got none")
@@ -172,7 +170,6 @@ def benchmark(
     >>> table[["lidar", "detector"]].values.tolist()
     [['helios_16', 'background']]
     """
-    from pyinfra.core.vocabulary import TIERS
     from pyinfra.experiments.benchmark.latency import time_again
     from pyinfra.experiments.benchmark.matrix import read_plan
     from pyinfra.experiments.benchmark.runner import benchmark as run
@@ -180,9 +177,6 @@ def benchmark(
     from pyinfra.experiments.pool import Pool
     from pyinfra.experiments.store import read
 
-    check_name(tier, TIERS, "tier")
-    if jobs < 1:
-        raise Error(f"jobs: expected 1 or more, got {jobs}")
     file = file_or_name(config, shipped("benchmarks"), "config")
     plan = read_plan(file, tier, os.fspath(scene))
     workspace = Workspace(Path(work), Path(out), tier)

@@ -1,5 +1,7 @@
 """Public API functions that draw frames and results, and write pages."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

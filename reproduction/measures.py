@@ -18,7 +18,7 @@ from pyinfra.metrics import ap
 from pyinfra.metrics.evaluate import evaluated, match_results_of
 from pyinfra.metrics.evaluation_tables import area_table, distance_table
 from pyinfra.metrics.match_results import MatchResult, Part
-from pyinfra.metrics.ranges import sensor_of
+from pyinfra.metrics.match_tables import sensor_of
 from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
 from pyinfra.models.inference.detect import model_file

@@ -13,7 +13,7 @@ from pyinfra.core.vocabulary import OBJECT_CLASSES, SUBSETS, VEHICLE_TYPES
 from pyinfra.dataset.frames import frame_range
 from pyinfra.metrics.evaluate import evaluated
 from pyinfra.metrics.evaluation_input import class_settings, default_settings
-from pyinfra.metrics.evaluation_summary import summary
+from pyinfra.metrics.evaluation_result import summary
 from pyinfra.metrics.matching import CENTRE_M, PERSON_IOU, Metric
 from pyinfra.metrics.settings import PROTOCOLS, Settings
 

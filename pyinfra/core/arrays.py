@@ -1,6 +1,10 @@
-"""Type aliases of NumPy arrays. Each function documents the shapes, units and frames it uses."""
+"""Type aliases of NumPy arrays, and tables whose columns are arrays.
 
-from typing import Any
+Each function documents the shapes, units and frames it uses.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Self, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,3 +24,23 @@ AnyArray = npt.NDArray[Any]
 # Decorator for functions that read numbers from files before checking them. It suppresses NumPy's
 # warnings, for example about signalling NaN.
 unchecked = np.errstate(invalid="ignore", over="ignore")
+
+
+class Rows:
+    """Base of dataclasses whose fields are arrays (n, ...) with n rows."""
+
+    def __len__(self) -> int:
+        return len(next(iter(vars(self).values())))
+
+    def select(self, rows: BoolArray | IntArray) -> Self:
+        """Returns some rows, by a mask (n,) or by their numbers."""
+        return type(self)(**{name: column[rows] for name, column in vars(self).items()})
+
+
+Table = TypeVar("Table", bound=Rows)
+
+
+def concatenated(parts: Sequence[Table]) -> Table:
+    """Concatenates one or more tables of one class."""
+    columns = {name: [vars(part)[name] for part in parts] for name in vars(parts[0])}
+    return type(parts[0])(**{name: np.concatenate(column) for name, column in columns.items()})

@@ -45,14 +45,6 @@ def bev_iou(a: FloatArray, b: FloatArray) -> FloatArray:
     return _all_pairs(a, b, pair_bev_iou)
 
 
-def iou_3d(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Returns the intersection over union (n, m), in [0, 1], of the volumes of boxes.
-
-    Boxes a (n, 7) and b (m, 7) are in the same frame. A pair with no overlap gives exactly 0.
-    """
-    return _all_pairs(a, b, pair_iou_3d)
-
-
 def bev_overlap(a: FloatArray, b: FloatArray) -> FloatArray:
     """Returns the overlap areas (n, m) of footprints in m2, for boxes a (n, 7) and b (m, 7)."""
     return _all_pairs(a, b, pair_bev_overlap)

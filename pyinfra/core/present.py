@@ -2,7 +2,6 @@
 
 import html
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 
 
 class Presented(ABC):
@@ -13,24 +12,14 @@ class Presented(ABC):
         """Returns what is shown, by name; the values are short."""
 
     def __repr__(self) -> str:
-        return short_text(self, self.facts())
+        return f"{type(self).__name__}({', '.join(f'{k}={v}' for k, v in self.facts().items())})"
 
     def _repr_html_(self) -> str:
-        return html_table(self, self.facts())
-
-
-def short_text(shown: object, facts: Mapping[str, object]) -> str:
-    """Returns one line with the class of an object and facts about it."""
-    return f"{type(shown).__name__}({', '.join(f'{k}={v}' for k, v in facts.items())})"
-
-
-def html_table(shown: object, facts: Mapping[str, object]) -> str:
-    """Returns a small HTML table of facts about an object."""
-    rows = "".join(
-        f"<tr><th>{html.escape(k)}</th><td>{html.escape(str(v))}</td></tr>"
-        for k, v in facts.items()
-    )
-    return f"<table><caption>{type(shown).__name__}</caption>{rows}</table>"
+        rows = "".join(
+            f"<tr><th>{html.escape(k)}</th><td>{html.escape(str(v))}</td></tr>"
+            for k, v in self.facts().items()
+        )
+        return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
 
 
 def extent_of(numbers: range | tuple[int, ...]) -> str:

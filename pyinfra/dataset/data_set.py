@@ -220,8 +220,5 @@ def read_owners(folder: Path, frame: int, count: int) -> IntArray:
     Raises FileNotFoundError if `fields` has no file of the frame, and FormatError if the file does
     not have `count` records.
     """
-    file = kitti.frame_file(folder, "fields", frame)
-    owner = kitti.read_fields(file)["object_id"].astype(np.int64)
-    if len(owner) != count:
-        raise FormatError(f"{file}: expected {count} records, one for each point, got {len(owner)}")
-    return owner
+    fields = kitti.read_fields(kitti.frame_file(folder, "fields", frame), count)
+    return fields["object_id"].astype(np.int64)

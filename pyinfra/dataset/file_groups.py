@@ -10,9 +10,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.core.arrays import FloatArray, IntArray, Table, concatenated
 from pyinfra.core.progress import track
-from pyinfra.core.rows import Table, concatenated
 from pyinfra.formats.text_table import is_whole, lines_of
 
 _FILES = 256  # number of files in a group

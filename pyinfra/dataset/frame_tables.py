@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pyinfra.core.arrays import FloatArray, IntArray, NameArray
-from pyinfra.core.rows import Rows
+from pyinfra.core.arrays import FloatArray, IntArray, NameArray, Rows
 
 
 @dataclass(frozen=True, eq=False)

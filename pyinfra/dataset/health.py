@@ -5,8 +5,6 @@ recording: number of points, points by line and by azimuth, the ground around th
 ranges by azimuth. A fault in more than half of these frames cannot be found in this way.
 """
 
-import csv
-import io
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields
@@ -14,6 +12,7 @@ from hashlib import blake2b
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from pyinfra.core.arrays import AnyArray, FloatArray, IntArray, Points, Records
 from pyinfra.core.errors import FormatError
@@ -237,11 +236,8 @@ def health_text(health: Iterable[FrameHealth]) -> str:
 def write_health(file: Path, health: Iterable[FrameHealth]) -> None:
     """Writes one row per frame as CSV."""
     names = [column.name for column in fields(FrameHealth)]
-    table = io.StringIO()
-    out = csv.writer(table, lineterminator="\n")
-    out.writerow(names)
-    out.writerows([getattr(row, name) for name in names] for row in health)
-    write(file, table.getvalue())
+    table = pd.DataFrame(list(health), columns=names)
+    write(file, table.to_csv(index=False, na_rep="nan", lineterminator="\n"))
 
 
 def _far(sector: IntArray, distance: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ import yaml
 
 from pyinfra._core import Lidar, World
 from pyinfra.core.errors import Error
-from pyinfra.core.present import html_table, short_text
+from pyinfra.core.present import Presented
 from pyinfra.dataset.own_files import named_in, put
 
 Made = TypeVar("Made", World, Lidar)
@@ -78,16 +78,9 @@ for _name in ("with_echo", "with_every_hit", "with_free_motors", "with_law_expon
     setattr(Lidar, _name, _with_recipe(_name))
 
 
-def _line(made: World | Lidar) -> str:
-    return short_text(made, _facts(made))
-
-
-def _table(made: World | Lidar) -> str:
-    return html_table(made, _facts(made))
-
-
 _kind: Any
 for _kind in (World, Lidar):
     copyreg.pickle(_kind, _reduced)
-    _kind.__repr__ = _line
-    _kind._repr_html_ = _table
+    _kind.facts = _facts
+    _kind.__repr__ = Presented.__repr__
+    _kind._repr_html_ = Presented._repr_html_

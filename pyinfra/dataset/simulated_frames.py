@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray, Records
+from pyinfra.core.arrays import AnyArray, Float32Array, FloatArray, Records, concatenated
 from pyinfra.core.progress import track
-from pyinfra.core.rows import concatenated
 from pyinfra.core.version import __version__
 from pyinfra.core.vocabulary import LabelTime
 from pyinfra.dataset.frame_sequence import KEPT, FrameSequence, LidarFrame

@@ -1,4 +1,4 @@
-"""The static surroundings of a sensor: roads with their lanes, and buildings."""
+"""The static surroundings of a sensor: roads with lanes and a vertical profile, and buildings."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -7,11 +7,51 @@ from typing import Literal
 
 import numpy as np
 
-from pyinfra.core.arrays import FloatArray, Floats
-from pyinfra.dataset.profile import profile_of
+from pyinfra.core.arrays import BoolArray, FloatArray, Floats
 from pyinfra.dataset.roads import Road, locate, offset_curve, read_roads
 from pyinfra.formats import kitti
 from pyinfra.formats.yaml_file import YamlNode
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """The height of the road as a polyline over the station, constant beyond the polyline's ends.
+
+    A parabola of length `curve_m` replaces each corner of the polyline.
+    """
+
+    start: FloatArray  # (2,) x, y of station 0, metres
+    heading: float  # direction of increasing stations, radians
+    points: FloatArray  # (n, 2) station and rise, metres
+    curve_m: float
+
+    def rise_m(self, xy: FloatArray) -> FloatArray:
+        """Returns the rise in metres at positions (..., 2) in the world frame."""
+        axis = np.array([np.cos(self.heading), np.sin(self.heading)])
+        beyond = ((xy - self.start) @ axis)[..., None] - self.points[:, 0]
+        steps = np.diff(self.points, axis=0)
+        changes = np.diff(steps[:, 1] / steps[:, 0], prepend=0, append=0)
+        on_curve = np.clip(beyond + self.curve_m / 2, 0, self.curve_m)
+        after = np.maximum(beyond - self.curve_m / 2, 0)
+        lifted = (on_curve**2 / (2 * self.curve_m) + after) @ changes
+        return np.asarray(self.points[0, 1] + lifted)
+
+
+def profile_of(node: YamlNode) -> Profile:
+    """Reads a profile. Raises FormatError with file, line and key."""
+    return Profile(
+        start=np.array([node.at("x_m").number(), node.at("y_m").number()]),
+        heading=float(np.radians(node.at("heading_deg").number())),
+        points=np.array([_station_and_rise(pair) for pair in node.at("points_m").items()]),
+        curve_m=node.at("vertical_curve_m").number(),
+    )
+
+
+def _station_and_rise(node: YamlNode) -> list[float]:
+    pair = [number.number() for number in node.items()]
+    if len(pair) != 2:
+        node.fail(f"expected 2 numbers (station and rise), got {len(pair)}")
+    return pair
 
 
 @dataclass(frozen=True)
@@ -112,6 +152,22 @@ def road_lines(around: Surroundings) -> Iterator[RoadLine]:
             yield RoadLine("edge", _aside(around, road, side * road.half_width))
         for left_m, solid in painted.items():
             yield RoadLine("solid" if solid else "dashed", _aside(around, road, left_m))
+
+
+def pieces(line: FloatArray, good: BoolArray, step: int) -> Iterator[FloatArray]:
+    """Yields the pieces of a line (n, m) with two or more points, all of which are `good` (n,).
+
+    The pieces are thinned by `step`.
+    """
+    edges = np.flatnonzero(np.diff(good)) + 1
+    for part in np.split(np.arange(len(line)), edges):
+        if good[part[0]] and len(part) > 1:
+            yield thinned(line[part], step)
+
+
+def thinned(line: FloatArray, step: int) -> FloatArray:
+    """Returns every point of a line (n, m) at a multiple of `step`, and the last point."""
+    return np.append(line[:-1:step], line[-1:], axis=0)
 
 
 def _aside(around: Surroundings, road: Road, left_m: Floats | float) -> FloatArray:

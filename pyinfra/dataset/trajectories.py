@@ -34,7 +34,7 @@ def read_objects_at(
     numbers = np.array(frames, dtype=np.float64)
     spans = existing(rows, numbers * period_s, (numbers + 1) * period_s)
     values = rows[_NUMBERS].to_numpy(np.float64)
-    first, last = spans.at_start(values), spans.at_end(values)
+    first, last = between_rows(values, spans.start), between_rows(values, spans.end)
     boxes = (first + last) / 2
     turned = wrapped(last[:, 6] - first[:, 6])
     boxes[:, 6] = wrapped(first[:, 6] + turned / 2 - pose.yaw)
@@ -62,16 +62,6 @@ class ExistingObjects:
     span: IntArray
     start: FloatArray
     end: FloatArray
-
-    def at_start(self, values: FloatArray) -> FloatArray:
-        """Interpolates columns (n, m) of the table at the starts: (k, m).
-
-        Column 6, if there is one, is an angle, which changes the short way.
-        """
-        return _between_rows(values, self.start)
-
-    def at_end(self, values: FloatArray) -> FloatArray:
-        return _between_rows(values, self.end)
 
 
 def existing(rows: pd.DataFrame, starts: FloatArray, ends: FloatArray) -> ExistingObjects:
@@ -114,7 +104,11 @@ def _positions(times: FloatArray) -> FloatArray:
     return np.where(np.abs(positions - nearest) <= 1e-6, nearest, positions)
 
 
-def _between_rows(values: FloatArray, at: FloatArray) -> FloatArray:
+def between_rows(values: FloatArray, at: FloatArray) -> FloatArray:
+    """Interpolates columns (n, m) of a table at positions (k,), such as 2.5: (k, m).
+
+    Column 6, if there is one, is an angle, which changes the short way.
+    """
     before = np.floor(at).astype(np.int64)
     share = (at - before)[:, None]
     after = np.minimum(before + (share[:, 0] > 0), len(values) - 1)

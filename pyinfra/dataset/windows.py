@@ -68,15 +68,9 @@ class Near:
         return np.asarray(places.inside & (away <= self.range_m))
 
 
-def road_windows(roads: list[Road]) -> list[Window]:
+def road_windows(roads: Sequence[Road]) -> list[Window]:
     """Returns windows of 20 m on each road, with centres at all multiples of 5 m."""
-    windows = []
-    for index, road in enumerate(roads):
-        first = np.ceil(road.s[0] / WINDOW_STEP_M - 1e-9)
-        last = np.floor(road.s[-1] / WINDOW_STEP_M + 1e-9)
-        middles = WINDOW_STEP_M * np.arange(first, last + 1)
-        windows += [Window(index, float(middle)) for middle in middles]
-    return windows
+    return [window for i, road in enumerate(roads) for window in _windows(i, road.s[0], road.s[-1])]
 
 
 def lane_windows(roads: Sequence[Road]) -> list[Window]:
@@ -86,8 +80,12 @@ def lane_windows(roads: Sequence[Road]) -> list[Window]:
     few metres long.
     """
     low, high = min(road.s[0] for road in roads), max(road.s[-1] for road in roads)
-    steps = np.arange(np.ceil(low / WINDOW_STEP_M - 1e-9), high / WINDOW_STEP_M + 1e-9)
-    return [Window(EVERY_ROAD, float(WINDOW_STEP_M * step)) for step in steps]
+    return _windows(EVERY_ROAD, low, high)
+
+
+def _windows(road: int, low: float, high: float) -> list[Window]:
+    first, last = np.ceil(low / WINDOW_STEP_M - 1e-9), np.floor(high / WINDOW_STEP_M + 1e-9)
+    return [Window(road, float(WINDOW_STEP_M * step)) for step in np.arange(first, last + 1)]
 
 
 def region_cells(roads: Sequence[Road], outlines: Sequence[FloatArray]) -> list[GridCell]:

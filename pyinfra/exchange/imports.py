@@ -11,8 +11,8 @@ from typing import Literal
 from pyinfra.core.errors import Error
 from pyinfra.core.files import held, new_folder, resolved, write
 from pyinfra.core.vocabulary import OTHER_TYPES, VEHICLE_TYPES
+from pyinfra.dataset.ground import check_height
 from pyinfra.dataset.health import health_text
-from pyinfra.dataset.height_checks import check_height
 from pyinfra.dataset.regions import REGION_FILE, outline_region
 from pyinfra.exchange.data_set import (
     HEIGHT_OFF_M,

@@ -58,6 +58,7 @@ from pyinfra.metrics.ground_truth import GroundTruth, ground_truth_of, read_grou
 from pyinfra.metrics.ground_truth_checks import ground_truth_findings
 from pyinfra.metrics.match_input import MatchInput, match_input
 from pyinfra.metrics.match_results import MatchResult, count_matches, primary_results
+from pyinfra.metrics.match_tables import by_range
 from pyinfra.metrics.matching import Metric, threshold_of
 from pyinfra.metrics.prediction_checks import (
     Finding,
@@ -66,7 +67,6 @@ from pyinfra.metrics.prediction_checks import (
     find_files,
 )
 from pyinfra.metrics.prediction_table import AnyPredictions
-from pyinfra.metrics.ranges import by_range
 from pyinfra.metrics.replicates import figures, measure_of, replicate_rows, same_of
 from pyinfra.metrics.result_checks import result_warnings
 from pyinfra.metrics.settings import Settings

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -22,19 +22,22 @@ from pyinfra.formats.csv_table import write_tables
 from pyinfra.formats.earlier_names import existing
 from pyinfra.metrics.comparison import Bootstrapped
 from pyinfra.metrics.evaluation_tables import (
+    HIGH_QUALITY,
     shown_ap,
 )
 from pyinfra.metrics.ground_truth import GroundTruth
 from pyinfra.metrics.match_input import are_people, match_input
 from pyinfra.metrics.match_results import MatchResult, primary_results
-from pyinfra.metrics.match_tables import match_table, ring_rows, rings
+from pyinfra.metrics.match_tables import match_table, rings
 from pyinfra.metrics.prediction_checks import Finding
+from pyinfra.metrics.row_selection import AP_R1000
 from pyinfra.metrics.settings import Settings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SEEN_AND_PRESENT: tuple[Subset, Subset] = ("all", "present")
+MEASURES = {"definition": AP_R1000, "r11": "AP (R11)", "kitti": "AP (R40), devkit"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,9 +67,8 @@ class Evaluation(Presented):
     def facts(self) -> dict[str, object]:
         row = self.ap.iloc[0]
         value, low, high = shown_ap(row)
-        ends = "no interval" if math.isnan(low) else f"[{low:.1f}, {high:.1f}]"
         named = {"lidar": self.truth.name, "frames": len(self.truth.frames), "class": row["class"]}
-        ap = f"{value:.1f} {ends} of {row.objects} {row.ground_truth}"
+        ap = f"{value:.1f} {_span(low, high)} of {row.objects} {row.ground_truth}"
         return named | {"ap": ap, "findings": len(self.findings)}
 
     @cached_property
@@ -78,7 +80,7 @@ class Evaluation(Presented):
         """
         rows = []
         for which, result in self._results.items():
-            rows += [{"ground_truth": which, **row} for row in ring_rows(result)]
+            rows += [{"ground_truth": which, **row} for row, _ in rings(result)]
         return pd.DataFrame(rows)
 
     def save(self, folder: StrPath) -> list[Path]:
@@ -99,7 +101,7 @@ class Evaluation(Presented):
 
     def rings(self, which: str) -> dict[float, Bootstrapped]:
         """Returns AP (R1000) of the rings of a ground-truth subset, by the middle of the ring."""
-        return {middle_m: figure for middle_m, _, figure in rings(self._results[which])}
+        return {row["distance_m"]: figure for row, figure in rings(self._results[which])}
 
     @cached_property
     def matches(self) -> pd.DataFrame:
@@ -146,3 +148,67 @@ class Evaluation(Presented):
         tables = {name: getattr(self, name) for name in names}
         more = {"cells": self.cells, "ranges": self.ranges}
         return {**tables, **{name: rows for name, rows in more.items() if rows is not None}}
+
+
+def summary(evaluation: Evaluation) -> str:
+    """Returns AP, high-quality areas and causes of false positives as lines of text."""
+    lines = [f"{evaluation.truth.name}: {len(evaluation.truth.frames)} frames"]
+    iou = [f"{v:g}" if v > 0 else "" for v in evaluation.ap.iou]  # no IoU for the metric `centre`
+    head = f"{'class':<12}{'ground truth':<14}{'IoU':>5} {'measure':<26}{'':>5}  "
+    lines.append(f"{head}{'95 % interval':<14}{'objects':>8}{'predictions':>12}  hidden")
+    for i, (_, row) in enumerate(evaluation.ap.iterrows()):
+        value, low, high = shown_ap(row)
+        lines.append(
+            f"{row['class']:<12}{row.ground_truth:<14}{iou[i]:>5} {measure(row.protocol):<26}"
+            f"{value:>5.1f}  {_span(low, high):<14}{row.objects:>8}{row.predictions:>12}"
+            f"{_hidden(evaluation, row)}"
+        )
+    wide = max([12, *(len(road) + 1 for road in evaluation.areas.road)])
+    lines.append(f"high-quality areas ({AP_R1000} > {HIGH_QUALITY:g}), including undecided ones")
+    lines += [
+        f"{row.road:<{wide}}{row.ground_truth:<14}{row.n_hqda:>5} of {row.n_tda:>3} "
+        f"{row.p_hqda:>15.1f} %  {_span(row.p_low, row.p_high):<16}{row.undecided:>3} undecided"
+        for _, row in evaluation.areas.iterrows()
+    ]
+    for which, rows in evaluation.false_positives.groupby("ground_truth", sort=False):
+        causes = zip(rows["cause"], rows["count"], strict=True)
+        listed = ", ".join(f"{count} {cause}" for cause, count in causes)
+        lines.append(f"false positives, {which}: {listed}")
+    for name, rows in evaluation.off_region.groupby("class", sort=False):
+        if rows.boxes.notna().all():
+            lines.append(f"boxes outside the region per minute, {name}: {_off_region(rows)}")
+    if "difference" in evaluation.distance_ap:
+        lines.append(
+            "removing the boxes outside a window before matching changes the AP of the window by "
+            f"up to {evaluation.distance_ap.difference.abs().max():.2f}"
+        )
+    return "\n".join(lines)
+
+
+def measure(protocol: str) -> str:
+    """Returns the name of a protocol's measure, such as `AP (R1000), centre`."""
+    name, _, metric = protocol.partition("-")
+    return f"{MEASURES[name]}, {metric}" if metric else MEASURES[name]
+
+
+def _hidden(evaluation: Evaluation, row: Any) -> str:
+    """Returns the percentage of hidden objects as text; empty unless the row is of subset `all`."""
+    share = evaluation.hidden_percent.get(row["class"], math.nan)
+    return f"{share:>6.0f} %" if row.ground_truth == "all" and share >= 0 else ""
+
+
+def _off_region(rows: pd.DataFrame) -> str:
+    """Returns as text the boxes per minute outside the region.
+
+    The first number counts boxes with at least the lowest score of the table. The second number
+    counts boxes with a score of 0.5 or more.
+    """
+    shown = [row for row in rows.itertuples() if row.score in (rows.score.min(), 0.5)]
+    return ", ".join(
+        f"{row.boxes_per_min:.1f} from score {row.score:g} ({row.on_people_per_min:.1f} on people)"
+        for row in shown
+    )
+
+
+def _span(low: float, high: float) -> str:
+    return "no interval" if math.isnan(low) else f"[{low:.1f}, {high:.1f}]"

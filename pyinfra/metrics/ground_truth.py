@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.core.arrays import BoolArray, FloatArray, concatenated
 from pyinfra.core.errors import Error
-from pyinfra.core.rows import concatenated
 from pyinfra.core.vocabulary import Subset
 from pyinfra.dataset import regions
 from pyinfra.dataset.data_set import MIN_VISIBILITY, field_of_view_mask, is_of_lanes, read_lidars
@@ -69,7 +68,7 @@ class GroundTruth:
         if self.of_lanes:
             return lane_windows(self.roads)
         if self.roads:
-            return road_windows(list(self.roads))
+            return road_windows(self.roads)
         distance = np.hypot(self.vehicles.mid_frame[:, 0], self.vehicles.mid_frame[:, 1])
         return distance_windows(float(distance.max(initial=0)))
 
@@ -131,7 +130,10 @@ def read_ground_truth(
         farthest = max((_reach(other), other.name) for other, _ in neighbours)
         if farthest[0] > _reach(lidar):
             vehicles = with_unreached(vehicles, read_vehicles(data_set / farthest[1], frames))
-        vehicles = with_absent(vehicles, data_set / "trajectories.csv", frames, lidar)
+        if (trajectories := data_set / "trajectories.csv").is_file():
+            pose = lidar.T_world_levelled
+            absent = read_objects_at(trajectories, frames, pose, lidar.period_s)
+            vehicles = _with(vehicles, absent)
     file = data_set / "roads.csv"
     roads = tuple(read_roads(file)) if lidar and file.is_file() else ()
     return GroundTruth(
@@ -166,13 +168,12 @@ def ground_truth_of(frames: FrameSequence) -> GroundTruth:
     farthest = max(sequences, key=lambda sequence: (_reach(sequence.lidar), sequence.name))
     if _reach(farthest.lidar) > _reach(frames.lidar):
         vehicles = with_unreached(vehicles, farthest.of(frames.numbers).vehicles())
-    everybody = frames.everybody()
     return GroundTruth(
         folder=Path(frames.name),
         name=frames.name,
         period_s=frames.lidar.period_s,
         frames=frames.numbers,
-        vehicles=_with(vehicles, everybody.select(_unknown(vehicles, everybody))),
+        vehicles=_with(vehicles, frames.everybody()),
         has_objects=True,
         lidar=frames.lidar,
         neighbours=tuple(
@@ -196,17 +197,7 @@ def with_unreached(vehicles: Vehicles, others: Vehicles) -> Vehicles:
 
     For the added vehicles, `points` is 0 and `boxes` holds the boxes at mid-frame.
     """
-    return _with(vehicles, others.select(_unknown(vehicles, others) & (others.visibility >= 0)))
-
-
-def with_absent(
-    vehicles: Vehicles, file: Path, frames: Sequence[int], lidar: kitti.Lidar
-) -> Vehicles:
-    """Returns `vehicles`, plus the vehicles of trajectories.csv that are not in `vehicles`."""
-    if not file.is_file():
-        return vehicles
-    others = read_objects_at(file, frames, lidar.T_world_levelled, lidar.period_s)
-    return _with(vehicles, others.select(_unknown(vehicles, others)))
+    return _with(vehicles, others.select(others.visibility >= 0))
 
 
 def _unknown(vehicles: Vehicles, others: Vehicles) -> BoolArray:
@@ -219,11 +210,12 @@ def _unknown(vehicles: Vehicles, others: Vehicles) -> BoolArray:
     return ~np.isin(keys, known) | (others.ids < 0)
 
 
-def _with(vehicles: Vehicles, extra: Vehicles) -> Vehicles:
-    """Returns both tables joined and ordered by frame.
+def _with(vehicles: Vehicles, others: Vehicles) -> Vehicles:
+    """Returns `vehicles`, plus the rows of `others` that are not in `vehicles`, ordered by frame.
 
-    For the vehicles of `extra`, `points` is 0 and `boxes` holds the boxes at mid-frame.
+    For the added vehicles, `points` is 0 and `boxes` holds the boxes at mid-frame.
     """
+    extra = others.select(_unknown(vehicles, others))
     added = replace(extra, points=np.zeros_like(extra.points), boxes=extra.mid_frame)
     joined = concatenated([vehicles, added])
     return joined.select(np.argsort(joined.frame, kind="stable"))

@@ -22,11 +22,12 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, Rows
 from pyinfra.core.boxes import bev_overlap
-from pyinfra.core.rows import Rows
 
 CUTS = (0.1, 0.2, 0.3, 0.5, 0.7)
 POINTS = 3
@@ -199,15 +200,9 @@ def travels(seen: BoxSeries, period_s: float) -> BoolArray:
 
 def tracks(after: IntArray) -> IntArray:
     """Returns the track number of each box: (n,). after: the result of `links`."""
-    track = np.full(len(after), -1)
-    count = 0
-    for i, following in enumerate(after):
-        if track[i] < 0:
-            track[i] = count
-            count += 1
-        if following >= 0:
-            track[following] = track[i]
-    return track
+    linked = np.flatnonzero(after >= 0)
+    graph = coo_array((np.ones(len(linked)), (linked, after[linked])), shape=(len(after),) * 2)
+    return np.asarray(connected_components(graph, directed=False)[1])
 
 
 def stands(seen: BoxSeries, confirmed: BoolArray, frames: int) -> BoolArray:

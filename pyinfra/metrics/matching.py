@@ -15,8 +15,7 @@ from typing import Literal
 import numpy as np
 
 from pyinfra.core import boxes as overlap
-from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
-from pyinfra.core.rows import Rows, concatenated
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, Rows, concatenated
 
 Metric = Literal["bev", "3d", "centre"]
 

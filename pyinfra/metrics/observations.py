@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, Rows, concatenated
 from pyinfra.core.errors import Error
-from pyinfra.core.rows import Rows, concatenated
 from pyinfra.core.vocabulary import VEHICLE_TYPES
 from pyinfra.dataset.data_set import (
     MIN_VISIBILITY,

@@ -109,7 +109,7 @@ def slope(s: FloatArray, aps: FloatArray) -> FloatArray:
 
 def same_of(truth: GroundTruth, blocks: Blocks, seed: int) -> dict[str, object]:
     """Returns the columns SAME of an evaluation, and the version that wrote the frames."""
-    frames_version, version = versions_of(truth)
+    frames_version, version = truth.versions or written_versions(truth.folder)
     return {
         "vehicles_digest": vehicles_digest(truth),
         "version": version,
@@ -153,16 +153,6 @@ def vehicles_digest(truth: GroundTruth) -> str:
     return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()[:16]
 
 
-def versions_of(truth: GroundTruth) -> tuple[str, str]:
-    """Returns frames_version and the package version that wrote the frames.
-
-    Both are empty if the data set has no dataset.yaml.
-    """
-    if truth.versions is not None:
-        return truth.versions
-    return written_versions(truth.folder)
-
-
 def _same(row: pd.Series, name: str) -> str:
     """Returns the text of a column of SAME.
 
@@ -182,11 +172,6 @@ def bootstrapped_of(row: pd.Series) -> Bootstrapped:
         )
     names = [f"replicate_{i + 1}" for i in range(int(row.replicates))]
     return Bootstrapped(float(row.value), row[names].to_numpy(np.float64), float(row.blocks))
-
-
-def are_pairs(a: pd.Series, b: pd.Series) -> bool:
-    """Returns whether two rows have replicates of the same blocks, so that they can be compared."""
-    return all(_same(a, name) == _same(b, name) for name in SAME)
 
 
 def check_pair(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> None:

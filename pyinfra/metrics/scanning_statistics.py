@@ -18,7 +18,7 @@ from pyinfra.core.errors import FormatError
 from pyinfra.core.progress import track
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.data_set import DataSet, read_data_set
-from pyinfra.dataset.trajectories import existing, read_rows
+from pyinfra.dataset.trajectories import between_rows, existing, read_rows
 from pyinfra.metrics import scanning_tables as statistics_tables
 from pyinfra.metrics.intervals import Blocks
 from pyinfra.metrics.observations import (
@@ -67,7 +67,7 @@ def speed_table(data: DataSet) -> pd.DataFrame:
     rows = rows[~rows["class"].isin(PERSON_TYPES)].sort_values(["id", "t"], kind="stable")
     starts = np.array(data.frames) * data.period_s
     seen = existing(rows, starts, starts)
-    speed = seen.at_start(rows[["speed"]].to_numpy(np.float64))[:, 0]
+    speed = between_rows(rows[["speed"]].to_numpy(np.float64), seen.start)[:, 0]
     return statistics_tables.speed_distribution(rows.id.to_numpy()[seen.row], speed)
 
 

@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import AnyArray, BoolArray, FloatArray, IntArray
-from pyinfra.core.errors import Error
 from pyinfra.core.vocabulary import KM_H
 from pyinfra.metrics.intervals import Blocks, Estimate, ratio
 from pyinfra.metrics.observations import Observations, moving, same_rows
@@ -154,7 +153,7 @@ def decay(vehicles: Observations, blocks: Blocks, edges: FloatArray = EDGES_M) -
     ci_high, r_squared; NaN with fewer than MIN_BINS_FOR_DECAY bins.
     """
     sums = vehicle_sums(vehicles, blocks, edges)
-    fit = blocks.estimate(sums, decay_exponent)
+    fit = blocks.estimate(sums, lambda parts: decay_lines(parts)[0])
     total = sums.sum(axis=0)
     r_squared = decay_lines(total)[1]
     rows = []
@@ -175,11 +174,6 @@ def decay(vehicles: Observations, blocks: Blocks, edges: FloatArray = EDGES_M) -
             }
         )
     return pd.DataFrame(rows)
-
-
-def decay_exponent(sums: FloatArray) -> FloatArray:
-    """Returns the exponents of decay_lines."""
-    return decay_lines(sums)[0]
 
 
 def decay_lines(sums: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -271,13 +265,9 @@ def aggregation_change(before: Observations, after: Observations, blocks: Blocks
     """Returns the change in the number of points on moving vehicles and in their boxes.
 
     The change is that from `before` to `after`. Replicates are paired, because both tables have the
-    same frames. Columns: lidar, counted (points or points_in_box), vehicles, before and after (mean
-    per vehicle), change_percent, ci_low, ci_high. Raises Error if the LiDARs differ.
+    same LiDARs and frames. Columns: lidar, counted (points or points_in_box), vehicles, before and
+    after (mean per vehicle), change_percent, ci_low, ci_high.
     """
-    if before.lidars != after.lidars:
-        raise Error(
-            f"expected the same LiDARs in both tables, got {before.lidars} and {after.lidars}"
-        )
     a, b = (t.select(m) for t, m in zip((before, after), same_rows(before, after), strict=True))
     a, b = a.select(moving(a)), b.select(moving(a))
     rows = []

@@ -7,9 +7,8 @@ from typing import Self
 
 import numpy as np
 
-from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, Rows
 from pyinfra.core.boxes import centres_within_reach, pair_bev_overlap, wrapped
-from pyinfra.core.rows import Rows
 from pyinfra.core.vocabulary import OBJECT_CLASSES, PERSON_TYPES
 from pyinfra.tracking.motion import STATES, axes
 

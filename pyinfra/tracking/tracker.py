@@ -11,10 +11,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.special import logit
 
-from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray, concatenated
 from pyinfra.core.boxes import bev_overlap, wrapped
 from pyinfra.core.errors import Error
-from pyinfra.core.rows import concatenated
 from pyinfra.tracking import motion
 from pyinfra.tracking.occlusion import View
 from pyinfra.tracking.state import SAME, Boxes, Tracks, shared

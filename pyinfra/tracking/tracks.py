@@ -7,11 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.core.arrays import FloatArray, IntArray, concatenated
 from pyinfra.core.errors import Error
 from pyinfra.core.names import suggestion
 from pyinfra.core.public import public
-from pyinfra.core.rows import concatenated
 from pyinfra.dataset.frame_sequence import FrameSequence, RecordedFrames
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.dataset.simulated_frames import SimulatedFrames

@@ -21,7 +21,7 @@ from pyinfra.dataset.windows import WINDOW_M, WINDOW_STEP_M
 from pyinfra.metrics.evaluation_result import Evaluation
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
 from pyinfra.metrics.row_selection import AP_R1000
-from pyinfra.viz.scanning_plots import STYLE, handles_of, line_of, save
+from pyinfra.viz.scanning_plots import STYLE, handles_of, line_of, panels, save
 
 STYLES: dict[str, dict[str, Any]] = {
     "high": {"facecolor": "#00204d", "hatch": ""},
@@ -63,8 +63,8 @@ def draw_all(evaluation: Evaluation, out: Path) -> list[Path]:
 def pr_curve(table: pd.DataFrame) -> Figure:
     """Draws precision against recall, with a line per LiDAR and a panel per ground truth."""
     with mpl.rc_context(STYLE), sns.axes_style("whitegrid"):
-        figure, panels = _panels(table, (4.2, 3.6))
-        for ax, rows in panels:
+        figure, parts = _panels(table, (4.2, 3.6))
+        for ax, rows in parts:
             for name, part, style in _lidars(rows, table):
                 reached = part[part.precision > 0]
                 ax.plot(reached.recall, reached.precision, label=name, markevery=10, **style)
@@ -76,8 +76,8 @@ def pr_curve(table: pd.DataFrame) -> Figure:
 def distance_ap(table: pd.DataFrame) -> Figure:
     """Draws AP with intervals in windows along each road, and the threshold of high quality."""
     with mpl.rc_context(STYLE), sns.axes_style("whitegrid"):
-        figure, panels = _panels(table, (5.2, 3.2), "road")
-        for ax, rows in panels:
+        figure, parts = _panels(table, (5.2, 3.2), "road")
+        for ax, rows in parts:
             for name, part, style in _lidars(rows, table):
                 ax.plot(part.s, part.ap_r1000, label=name, markersize=3, **style)
                 _band(ax, part.s, part.ap_r1000_low, part.ap_r1000_high, style)
@@ -94,8 +94,8 @@ def areas(distance: pd.DataFrame) -> Figure:
     """Draws stacked bars of the areas by quality per LiDAR, with a panel per ground truth."""
     with mpl.rc_context(STYLE), sns.axes_style("whitegrid", {"axes.grid.axis": "y"}):
         lidars = list(distance.lidar.unique())
-        figure, panels = _panels(distance, (1.2 * len(lidars) + 1.6, 3.4))
-        for ax, rows in panels:
+        figure, parts = _panels(distance, (1.2 * len(lidars) + 1.6, 3.4))
+        for ax, rows in parts:
             bottom = np.zeros(len(lidars))
             for quality, look in STYLES.items():
                 selected = rows[rows.quality == quality]
@@ -120,9 +120,9 @@ def areas_plan(
         points = np.concatenate([road.xy for road in roads])
         span = np.ptp(points, axis=0) + 40
         width = 6.5 if span[0] >= span[1] else 4.0
-        figure, panels = _panels(distance, (width, min(width * span[1] / span[0] + 0.8, 7)))
+        figure, parts = _panels(distance, (width, min(width * span[1] / span[0] + 0.8, 7)))
         by_name = {road.name: road for road in roads}
-        for ax, rows in panels:
+        for ax, rows in parts:
             for row in rows.itertuples():
                 is_cell = "x" in rows
                 outline = _square(row) if is_cell else _piece(by_name[str(row.road)], float(row.s))
@@ -157,21 +157,16 @@ def _panels(
 
     The second value is an iterator over pairs of axes and their rows of the table.
     """
-    across = list(table.ground_truth.unique())
-    rows = list(table[down].unique()) if down else [None]
-    figure = Figure(
-        figsize=(size[0] * len(across), size[1] * len(rows) + 0.6), layout="constrained"
-    )
-    axes = figure.subplots(len(rows), len(across), squeeze=False, sharey=True)
+    rows = table[down].unique() if down else [None]
+    figure, axes = panels(table.ground_truth.unique(), rows, size, more=(0.0, 0.6))
 
     def named() -> Iterator[tuple[Axes, pd.DataFrame]]:
-        for i, row in enumerate(rows):
-            for j, which in enumerate(across):
-                part = table[table.ground_truth == which]
-                if row is not None:
-                    part = part[part[down] == row]
-                axes[i, j].set_title(f"{which}: {row}" if row else which)
-                yield axes[i, j], part
+        for ax, which, row in axes:
+            part = table[table.ground_truth == which]
+            if row is not None:
+                part = part[part[down] == row]
+            ax.set_title(f"{which}: {row}" if row else which)
+            yield ax, part
 
     return figure, named()
 

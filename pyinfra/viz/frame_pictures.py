@@ -43,6 +43,6 @@ def draw_scenes(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> l
         scene = scene_figures.read_scene(folders)
         name = folders[0].parent.name
         files += [out / f"plan_{name}.png", out / f"cutouts_{name}.png"]
-        save(scene_figures.plan([scene]), files[-2])
+        save(scene_figures.plan(scene), files[-2])
         save(cutout_figures.cutouts(scene, frame), files[-1])
     return files

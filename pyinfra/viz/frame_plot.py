@@ -10,8 +10,8 @@ import pandas as pd
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.boxes import footprints
 from pyinfra.core.errors import Error
-from pyinfra.core.names import suggestion
 from pyinfra.core.public import public
+from pyinfra.dataset.box_tables import check_columns
 from pyinfra.dataset.frame_sequence import LidarFrame
 from pyinfra.dataset.object_rows import BOX
 
@@ -56,12 +56,8 @@ def plot_frame(
     import matplotlib.pyplot as plt
     from matplotlib.collections import PolyCollection
 
-    if not isinstance(frame, LidarFrame):
-        raise Error(f"frame: expected a frame of a sequence, got {type(frame).__name__}")
     if detections is not None:
         _check(detections)
-    if not 0 <= min_score <= 1:
-        raise Error(f"min_score: expected 0 to 1, got {min_score:g}")
     if ax is None:
         ax = plt.subplots(figsize=(10, 6), layout="constrained")[1]
     x, y, z = frame.points[:, :3].T
@@ -92,9 +88,7 @@ def _check(detections: pd.DataFrame) -> None:
         got = type(detections).__name__
         raise Error(f"detections: expected a table, got {got}")
     for name in ("frame", *BOX, "score"):
-        if name not in detections.columns:
-            near = suggestion(name, map(str, detections.columns))
-            raise Error(f"detections: expected the column '{name}', got none{near}")
+        check_columns(detections, [name], "detections")
         values = pd.to_numeric(detections[name], errors="coerce")
         if not (good := np.isfinite(values.to_numpy(dtype=np.float64))).all():
             wrong = detections[name].iloc[int(good.argmin())]

@@ -1,7 +1,6 @@
 """Draws the scan patterns of LiDARs, as seen from the sensor."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
@@ -10,9 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.dataset.frames import PERIOD_S
-from pyinfra.viz.drawn_area import DrawnArea
-from pyinfra.viz.picture_style import STYLE, save
+from pyinfra.viz.picture_style import STYLE, DrawnArea
 
 CAR_AT_M = 60.0
 # Azimuth and elevation (rad) of a car's rear, 1.8 m wide and 1.5 m high. The sensor is 6 m higher
@@ -22,30 +19,19 @@ FIELD = DrawnArea((-40, 40), (-40, 40))  # drawn azimuths and elevations in degr
 CLOSE_UP = DrawnArea((-3, 3), (-8, -2))
 
 
-def draw_patterns(
-    patterns: Mapping[str, FloatArray], file: Path, periods_s: Mapping[str, float] | None = None
-) -> Path:
-    """Writes the figure of pattern_picture() to `file` and returns `file`."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    save(pattern_picture(patterns, periods_s), file)
-    return file
-
-
-def pattern_picture(
-    patterns: Mapping[str, FloatArray], periods_s: Mapping[str, float] | None = None
-) -> Figure:
+def pattern_picture(patterns: Mapping[str, FloatArray], periods_s: Mapping[str, float]) -> Figure:
     """Draws the directions of each LiDAR's rays: all rays, and the rays on a car's rear at 60 m.
 
     patterns: by name, (n, 3) azimuth, elevation (rad) and time (s), from 0 s on. Only the rays of
     the first frame are drawn. The mean number of rays on the car is computed from all rays.
-    periods_s: frame periods by name; by default 0.1 s.
+    periods_s: frame periods by name.
     """
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(2.5 * len(patterns) + 0.3, 5.3), layout="constrained")
         grid = figure.subplots(2, len(patterns), squeeze=False, sharey="row")
         for column, (name, rays) in enumerate(patterns.items()):
             field, close = grid[:, column]
-            period_s = (periods_s or {}).get(name, PERIOD_S)
+            period_s = periods_s[name]
             frame = np.degrees(rays[rays[:, 2] < period_s, :2])
             _draw_rays(field, frame, FIELD, 0.35)
             _draw_rays(close, frame, CLOSE_UP, 2.3)

@@ -51,7 +51,7 @@ def plot_scene(scene: AnyScene, *, ax: Axes | None = None) -> Axes:
     >>> pi.plot_scene("crossroad").get_title()
     'crossroad'
     """
-    from pyinfra.viz.drawn_area import window_around
+    from pyinfra.viz.picture_style import window_around
     from pyinfra.viz.scene_pictures import draw_surroundings
 
     if isinstance(scene, SimulatedFrames):

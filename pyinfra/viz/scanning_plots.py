@@ -51,7 +51,7 @@ def points_per_vehicle(table: pd.DataFrame) -> Figure:
 
     Columns are data sets, rows are vehicle subsets.
     """
-    figure, axes = _panels(_data_sets(table), table["set"].unique(), size=(4.2, 3.2))
+    figure, axes = panels(_data_sets(table), table["set"].unique(), size=(4.2, 3.2))
     for ax, column, row in axes:
         part = table[(_data_sets(table) == column) & (table["set"] == row)]
         for name, lidar in _lidars(part, table):
@@ -77,7 +77,7 @@ def quality(table: pd.DataFrame) -> Figure:
     # The row that covers all distances is not drawn.
     first_m, last_m = table.from_m.min(), table.to_m.max()
     table = table[~((table.from_m == first_m) & (table.to_m == last_m))]
-    figure, axes = _panels(table.lidar.unique(), _data_sets(table).unique(), size=(3, 2.4))
+    figure, axes = panels(table.lidar.unique(), _data_sets(table).unique(), size=(3, 2.4))
     greys = sns.color_palette("cividis_r", len(QUALITIES))
     for ax, column, row in axes:
         part = table[(_data_sets(table) == row) & (table.lidar == column)]
@@ -103,7 +103,7 @@ def quality(table: pd.DataFrame) -> Figure:
 
 def speeds(table: pd.DataFrame) -> Figure:
     """Draws a speed histogram for each scene, with the number of samples beyond the axis."""
-    figure, axes = _panels(table.scene.unique(), [""], size=(3.4, 2.6))
+    figure, axes = panels(table.scene.unique(), [""], size=(3.4, 2.6))
     for ax, scene, _ in axes:
         part = table[table.scene == scene].drop_duplicates(["from_km_h", "seed"])
         part = part.groupby(["from_km_h", "to_km_h"], as_index=False)[["samples"]].sum()
@@ -125,7 +125,7 @@ def speeds(table: pd.DataFrame) -> Figure:
 
 def lit_share(table: pd.DataFrame) -> Figure:
     """Draws the share of the field of view that is hit by a ray against integration time."""
-    figure, axes = _panels(table.preset.unique(), [""], size=(4.2, 3.2))
+    figure, axes = panels(table.preset.unique(), [""], size=(4.2, 3.2))
     for ax, preset, _ in axes:
         for name, lidar in _lidars(table[table.preset == preset], table):
             ax.plot(
@@ -143,7 +143,7 @@ def lit_share(table: pd.DataFrame) -> Figure:
 
 def angular_density(table: pd.DataFrame) -> Figure:
     """Draws the density of rays by off-axis angle, and by elevation near the x axis."""
-    figure, axes = _panels(table.axis.unique(), table.preset.unique(), size=(4.2, 3))
+    figure, axes = panels(table.axis.unique(), table.preset.unique(), size=(4.2, 3))
     names = {"off_axis": "angle off the axis (deg)", "elevation": "elevation (deg)"}
     for ax, axis, preset in axes:
         part = table[(table.axis == axis) & (table.preset == preset) & (table.rays > 0)]
@@ -163,7 +163,7 @@ def dots(value: str, label: str, by: str) -> Callable[[pd.DataFrame], Figure]:
     """
 
     def of(table: pd.DataFrame) -> Figure:
-        figure, axes = _panels(table[by].unique(), [""], size=(4.2, 2.8))
+        figure, axes = panels(table[by].unique(), [""], size=(4.2, 2.8))
         for ax, panel, _ in axes:
             part = table[table[by] == panel]
             data_sets = list(_data_sets(part).unique())
@@ -211,12 +211,15 @@ def _data_sets(table: pd.DataFrame) -> Any:
     return names
 
 
-def _panels(
-    columns: Any, rows: Any, size: tuple[float, float]
+def panels(
+    columns: Any, rows: Any, size: tuple[float, float], more: tuple[float, float] = (1.2, 0.0)
 ) -> tuple[Figure, Iterator[tuple[Axes, Any, Any]]]:
-    """Returns a figure and its grid of axes, each with the name of its column and row."""
+    """Returns a figure and its grid of axes, each with the name of its column and row.
+
+    size: width and height of a panel. more: width and height of the legend.
+    """
     columns, rows = list(dict.fromkeys(columns)), list(dict.fromkeys(rows))
-    width, height = size[0] * len(columns) + 1.2, size[1] * len(rows)
+    width, height = size[0] * len(columns) + more[0], size[1] * len(rows) + more[1]
     figure = Figure(figsize=(width, height), layout="constrained")
     axes = figure.subplots(len(rows), len(columns), squeeze=False, sharey=True)
     named = (

@@ -22,9 +22,15 @@ from pyinfra.dataset.surroundings import Surroundings, read_surroundings, road_l
 from pyinfra.dataset.world_frame import to_world
 from pyinfra.formats import kitti
 from pyinfra.viz import clouds
-from pyinfra.viz.drawn_area import window_around
-from pyinfra.viz.picture_style import COLOURS, REGION_COLOUR, STYLE, legend_below
-from pyinfra.viz.plan_marks import draw_north, draw_scale
+from pyinfra.viz.picture_style import (
+    COLOURS,
+    REGION_COLOUR,
+    STYLE,
+    draw_north,
+    draw_scale,
+    legend_below,
+    window_around,
+)
 
 STATION_STEP_M = 20.0
 SCALE_M = 20.0
@@ -69,38 +75,34 @@ def read_scene(folders: Sequence[Path]) -> Scene:
     )
 
 
-def plan(scenes: Sequence[Scene]) -> Figure:
-    """Draws roads, stations, buildings, sensor and fields of view of scenes to one scale.
+def plan(scene: Scene) -> Figure:
+    """Draws roads, stations, buildings, sensor and fields of view of a scene.
 
     The axes are those of the world frame. North is up in a scene that was imported from a map.
 
     LiDARs with the same field of view share a line.
     """
-    windows = [window_around([road.outline for road in s.around.roads]) for s in scenes]
-    widths = [window.shape()[0] for window in windows]
-    height = max(window.shape()[1] for window in windows)
-    width = 8.5 * (1 + 0.45 * (len(scenes) - 1))  # width in inches with room for stations
-    size = (width, 0.93 * width * height / sum(widths) + 1.1)
+    window = window_around([road.outline for road in scene.around.roads])
+    width, height = window.shape()
     with mpl.rc_context(STYLE):
+        size = (8.5, 0.93 * 8.5 * height / width + 1.1)  # inches, with room for stations
         figure = Figure(figsize=size, layout="constrained")
-        grid = figure.subplots(1, len(scenes), squeeze=False, width_ratios=widths)[0]
+        axes = figure.subplots()
         views: dict[str, dict[str, Any]] = {}
-        built = any(len(scene.around.buildings) for scene in scenes)
-        for axes, scene, window in zip(grid, scenes, windows, strict=True):
-            draw_surroundings(axes, scene.around)
-            for road in scene.around.roads:
-                _draw_stations(axes, road, scene)
-            _draw_views(axes, scene, views)
-            # The scale bar overlaps neither stations nor circles.
-            draw_scale(axes, window.x[0] + 0.3 * window.shape()[0], window.y[0] + 2.5, SCALE_M)
-            axes.set(aspect="equal", xlim=window.x, ylim=window.y, title=scene.name)
-            axes.set(xlabel="x (m)", ylabel="y (m)")
-            if scene.is_imported:
-                axes.set(xlabel="x, east (m)", ylabel="y, north (m)")
-                draw_north(axes)
+        draw_surroundings(axes, scene.around)
+        for road in scene.around.roads:
+            _draw_stations(axes, road, scene)
+        _draw_views(axes, scene, views)
+        # The scale bar overlaps neither stations nor circles.
+        draw_scale(axes, window.x[0] + 0.3 * width, window.y[0] + 2.5, SCALE_M)
+        axes.set(aspect="equal", xlim=window.x, ylim=window.y, title=scene.name)
+        axes.set(xlabel="x (m)", ylabel="y (m)")
+        if scene.is_imported:
+            axes.set(xlabel="x, east (m)", ylabel="y, north (m)")
+            draw_north(axes)
         handles = [
             Patch(color=REGION_COLOUR, label="evaluation region; s in m"),
-            *([Patch(**BUILDING, label="building")] if built else []),
+            *([Patch(**BUILDING, label="building")] if len(scene.around.buildings) else []),
             Line2D([], [], color="black", marker="^", linestyle="none", label="sensor, its yaw"),
             *(Line2D([], [], label=label, **style) for label, style in views.items()),
         ]

@@ -20,8 +20,7 @@ from pyinfra.formats.ply import read_ply
 from pyinfra.formats.yaml_file import read_keys
 from pyinfra.scenes.maps import site_folder
 from pyinfra.scenes.maps.lane_map import MapError
-from pyinfra.viz.picture_style import STYLE, legend_below
-from pyinfra.viz.plan_marks import draw_north, draw_scale
+from pyinfra.viz.picture_style import STYLE, draw_north, draw_scale, legend_below
 
 COLOURS = {
     "terrain": "#F4F4EE",

@@ -19,7 +19,7 @@ from pyinfra.metrics.scanning_tables import (
     FAR_M,
     aggregation_change,
     alone_and_another,
-    decay_exponent,
+    decay_lines,
     vehicle_sums,
 )
 
@@ -126,7 +126,7 @@ def gentle(vehicles: Observations, blocks: Blocks) -> Row:
     avia, others = vehicles.column(AVIA), [vehicles.column(x) for x in SPINNING]
 
     def statistic(sums: FloatArray) -> FloatArray:
-        exponent = decay_exponent(sums)
+        exponent, _ = decay_lines(sums)
         return np.asarray(exponent[..., others].min(axis=-1) - exponent[..., avia])
 
     estimate = blocks.estimate(vehicle_sums(vehicles, blocks, EDGES_M), statistic)

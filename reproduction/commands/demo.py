@@ -9,7 +9,8 @@ from pyinfra.dataset.catalogue import LIDARS, SCENES, lidar_file, scene_file
 from pyinfra.dataset.runs import SimulatorError
 from pyinfra.formats import kitti
 from pyinfra.viz import clouds
-from pyinfra.viz.pattern_picture import draw_patterns
+from pyinfra.viz.pattern_picture import pattern_picture
+from pyinfra.viz.picture_style import save
 from reproduction.arguments import command
 from reproduction.hit_points import PRESET, hit_table, table_text, write_table
 from reproduction.simulate import simulate
@@ -63,7 +64,8 @@ def main(*, out: Path = Path("out/demo"), frames: str = "0:3") -> None:
         for name, sheet in sheets.items()
     }
     periods_s = {sheet.model: sheet.period_s for sheet in sheets.values()}
-    pictures.append(draw_patterns(patterns, out / "pictures/patterns.png", periods_s))
+    pictures.append(out / "pictures/patterns.png")
+    save(pattern_picture(patterns, periods_s), pictures[-1])
     progress("done")
     print(f"\nhit points   {out / 'hit_points.csv'}\nframes       {out / 'data'}")
     for file in pictures:

@@ -8,7 +8,7 @@ from pyinfra import _core
 # What every class has, and what the package adds in Python.
 LEFT_OUT = {
     *("__doc__", "__module__", "__weakref__", "_pybind11_conduit_v1_"),
-    *("__repr__", "_repr_html_"),
+    *("__repr__", "_repr_html_", "facts"),
 }
 
 

@@ -11,7 +11,7 @@ from evaluation_data import write_lidar, write_roads
 
 from pyinfra.cli import main
 from pyinfra.core.arrays import FloatArray, Points
-from pyinfra.core.boxes import bev_iou, iou_3d
+from pyinfra.core.boxes import bev_iou, pair_iou_3d
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.ground import ground_of_roads
 from pyinfra.dataset.regions import Region, outline_region, roads_region
@@ -88,7 +88,7 @@ def test_a_car_is_detected_at_any_heading(
     detections = empty_road.predict(cast(car, seed=99))
     assert detections.names.tolist() == ["Car"]
     assert bev_iou(detections.boxes, car)[0, 0] > 0.5
-    assert iou_3d(detections.boxes, car)[0, 0] > 0.5
+    assert pair_iou_3d(detections.boxes, car)[0] > 0.5
     assert -np.pi <= detections.boxes[0, 6] <= np.pi
 
 

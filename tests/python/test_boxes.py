@@ -14,7 +14,6 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.core.boxes import (
     bev_iou,
     bev_overlap,
-    iou_3d,
     pair_bev_iou,
     pair_iou_3d,
     points_in_box,
@@ -122,8 +121,8 @@ def test_a_cross_of_two_boxes() -> None:
 
 def test_volume_overlap_is_that_of_footprint_times_height() -> None:
     low, high = row(0, 0, 0, 4, 2, 2, 0), row(2, 0, 1, 4, 2, 2, 0)
-    assert iou_3d(low, high) == pytest.approx(4 / (16 + 16 - 4), abs=1e-15)
-    assert iou_3d(low, row(0, 0, 2, 4, 2, 2, 0)) == 0
+    assert pair_iou_3d(low, high) == pytest.approx(4 / (16 + 16 - 4), abs=1e-15)
+    assert pair_iou_3d(low, row(0, 0, 2, 4, 2, 2, 0)) == 0
 
 
 def test_matrix_has_a_row_per_first_and_a_column_per_second_box() -> None:
@@ -181,7 +180,7 @@ def test_moving_both_boxes_changes_nothing(x: float, y: float, turn: float) -> N
 
 def test_a_box_without_size_overlaps_nothing() -> None:
     assert bev_iou(row(0, 0, 0, 0, 0, 0, 0), row(0, 0, 0, 0, 0, 0, 0)) == 0
-    assert iou_3d(row(0, 0, 0, 0, 0, 0, 0), row(0, 0, 0, 4, 2, 1, 0)) == 0
+    assert pair_iou_3d(row(0, 0, 0, 0, 0, 0, 0), row(0, 0, 0, 4, 2, 1, 0)) == 0
 
 
 @pytest.mark.parametrize(

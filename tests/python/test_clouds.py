@@ -37,6 +37,6 @@ def test_pictures_of_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_rays_on_a_car_are_counted_per_frame() -> None:
     middle = CAR.mean(axis=0)
     rays = np.array([[*middle, 0.01], [*middle, 0.11], [*middle, 0.19], [0.5, 0.5, 0.05]])
-    figure = pattern_picture({"four rays": rays})
+    figure = pattern_picture({"four rays": rays}, {"four rays": 0.1})
     titles = [axes.get_title() for axes in figure.axes]
     assert titles == ["four rays\n2 rays in 0.1 s", "on a car's rear at 60 m:\n2 rays on average"]

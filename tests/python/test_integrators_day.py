@@ -8,8 +8,7 @@ from recording_files import PERIOD_S, START_S, BagWriter, driver_records, road
 
 from pyinfra.cli import main
 from pyinfra.formats import kitti
-from pyinfra.viz.clouds import picture
-from pyinfra.viz.snapshot import read_snapshot
+from pyinfra.viz.clouds import picture, read_snapshot
 from pyinfra.viz.viewer.frames import read_view_frames
 
 FRAMES, TILTED_FROM = 24, 12

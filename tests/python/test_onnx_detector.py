@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pyinfra.core.arrays import concatenated
 from pyinfra.core.errors import ConfigError, Error
-from pyinfra.core.rows import concatenated
 from pyinfra.dataset.frame_sequence import FrameSequence
 from pyinfra.dataset.loading import load_scene
 from pyinfra.dataset.simulated import simulate

@@ -73,7 +73,8 @@ def test_overlap_agrees_with_the_exact_one(dtype: torch.dtype, within: float, aw
     assert np.abs(bev.numpy() - exact.pair_bev_iou(one, two)).max() < within
     assert np.abs(volume.numpy() - exact.pair_iou_3d(one, two)).max() < within
     best, row = boxes.best_overlap(a[:60], b[:40])
-    table = exact.iou_3d(one[:60], two[:40])
+    first, second = np.repeat(one[:60], 40, axis=0), np.tile(two[:40], (60, 1))
+    table = exact.pair_iou_3d(first, second).reshape(60, 40)
     assert np.abs(best.numpy() - table.max(axis=1)).max() < within
     assert np.abs(table[np.arange(60), row.numpy()] - table.max(axis=1)).max() < within
 

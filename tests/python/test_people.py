@@ -37,7 +37,7 @@ from pyinfra.metrics.prediction_checks import find_files
 from pyinfra.metrics.scanning_statistics import speed_table
 from pyinfra.metrics.settings import Settings
 from pyinfra.viz import clouds
-from pyinfra.viz.snapshot import read_snapshot
+from pyinfra.viz.clouds import read_snapshot
 
 HALF_WIDTH_M = 10.0  # half width of the road
 FRAMES = 40

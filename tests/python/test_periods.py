@@ -13,7 +13,7 @@ from conftest import Infrasim
 import pyinfra as pi
 from pyinfra.core.errors import Error
 from pyinfra.dataset.data_set import read_data_set
-from pyinfra.dataset.trajectories import existing, read_objects_at
+from pyinfra.dataset.trajectories import between_rows, existing, read_objects_at
 from pyinfra.experiments.requirements import Requirements
 from pyinfra.formats import kitti
 from pyinfra.metrics.ground_truth import read_ground_truth
@@ -156,8 +156,8 @@ def test_existing_objects_are_those_of_a_loop_over_all(seed: int) -> None:
     made = zip(
         found.span.tolist(),
         rows.id.to_numpy()[found.row].tolist(),
-        found.at_start(x)[:, 0].tolist(),
-        found.at_end(x)[:, 0].tolist(),
+        between_rows(x, found.start)[:, 0].tolist(),
+        between_rows(x, found.end)[:, 0].tolist(),
         strict=True,
     )
     np.testing.assert_allclose(list(made), np.array(expected).reshape(-1, 4), atol=1e-9)

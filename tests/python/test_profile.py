@@ -10,9 +10,8 @@ from conftest import Infrasim
 from pyinfra.core.errors import FormatError
 from pyinfra.dataset.frame_readers import read_vehicles
 from pyinfra.dataset.ground import ground_of
-from pyinfra.dataset.profile import profile_of
 from pyinfra.dataset.roads import read_roads
-from pyinfra.dataset.surroundings import read_surroundings
+from pyinfra.dataset.surroundings import profile_of, read_surroundings
 from pyinfra.formats import kitti
 
 CREST = """\

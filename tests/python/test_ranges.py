@@ -17,7 +17,7 @@ from pyinfra.cli import main
 from pyinfra.experiments.value import KEY
 from pyinfra.formats.kitti import read_lidar
 from pyinfra.metrics.ground_truth import read_ground_truth
-from pyinfra.metrics.ranges import RANGES_M
+from pyinfra.metrics.match_tables import RANGES_M
 from pyinfra.metrics.settings import Settings
 
 __all__ = ["results"]  # this fixture is imported

@@ -14,6 +14,7 @@ from benchmark_data import with_r1000
 from matplotlib.figure import Figure
 from report_data import HOSTILE, Read
 
+import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.dataset.catalogue import configs
 from pyinfra.experiments.requirements import Requirements
@@ -297,6 +298,14 @@ def test_curves_of_stress_start_without_it(tmp_path: Path) -> None:
     assert points("density") == [(1, 90), (2, 85)]
     assert points("unseen_scene") == [(0, 90), (1, 40)]
     assert points("training_frames") == [(200, 70), (800, 90)]
+
+
+def test_the_function_takes_the_module_of_the_sections_and_checks_the_tier(tmp_path: Path) -> None:
+    report_data.write(tmp_path)
+    page = pi.report(tmp_path, tmp_path / "r.html", sections="pyinfra.viz.report.contents")
+    assert page.is_file()
+    with pytest.raises(pi.Error, match="tier: "):
+        pi.report(tmp_path, page, tier="large")  # type: ignore[arg-type]
 
 
 def test_a_legend_draws_lines_without_markers_and_markers_without_lines() -> None:

@@ -18,9 +18,9 @@ from pyinfra.formats import kitti
 from pyinfra.viz import clouds, frame_pictures
 from pyinfra.viz import cutouts as cutout_figures
 from pyinfra.viz import scene_pictures as scene_figures
+from pyinfra.viz.clouds import read_snapshot
 from pyinfra.viz.cutouts import DISTANCES_M
 from pyinfra.viz.scene_pictures import Scene
-from pyinfra.viz.snapshot import read_snapshot
 
 LIDARS = ("livox_avia", "helios_16")
 
@@ -40,7 +40,7 @@ def read(data_set: Path) -> Scene:
 
 
 def lines(scene: Scene) -> list[Line2D]:
-    return scene_figures.plan([scene]).axes[0].lines
+    return scene_figures.plan(scene).axes[0].lines
 
 
 @pytest.mark.parametrize("scene", ["highway", "crossroad"])
@@ -87,7 +87,7 @@ def test_buildings_stand_on_the_plan_where_the_configuration_says(
     file.write_text(file.read_text().replace("buildings: []", f"buildings: [{building}]"))
     scene = read(tmp_path / "own")
     np.testing.assert_allclose(scene.around.buildings, [[10, 30, 3.5, 20, 8, 5, np.pi / 2]])
-    plan = scene_figures.plan([scene])
+    plan = scene_figures.plan(scene)
     drawn = [p for p in plan.axes[0].patches if to_hex(p.get_facecolor()) == "#d0d0d0"]
     corners = np.vstack([patch.get_xy()[:-1] for patch in drawn])
     expected = [[6, 20], [6, 40], [14, 20], [14, 40]]
@@ -99,7 +99,7 @@ def test_buildings_stand_on_the_plan_where_the_configuration_says(
 def test_a_legend_is_no_wider_than_its_picture(data_sets: dict[str, Path], count: int) -> None:
     scene = read(data_sets["highway"])
     lidars = tuple(replace(scene.lidars[1], model=f"A LiDAR of number {i}") for i in range(count))
-    figure = scene_figures.plan([replace(scene, lidars=lidars)])
+    figure = scene_figures.plan(replace(scene, lidars=lidars))
     figure.draw_without_rendering()
     extent = figure.legends[0].get_window_extent()
     assert extent.x0 >= 0
@@ -123,7 +123,7 @@ def test_offset_curve_is_to_the_left() -> None:
 
 
 def test_fields_of_view_differ_in_colour_and_line(data_sets: dict[str, Path]) -> None:
-    legend = scene_figures.plan([read(data_sets["highway"])]).legends[0]
+    legend = scene_figures.plan(read(data_sets["highway"])).legends[0]
     views = [line for line in legend.get_lines() if str(line.get_label()).endswith("0 m")]
     assert {line.get_label() for line in views} == {
         "Livox Avia: to 260 m",
@@ -137,9 +137,8 @@ def test_fields_of_view_differ_in_colour_and_line(data_sets: dict[str, Path]) ->
 def test_the_plan_of_an_imported_scene_has_a_north_arrow(
     is_imported: bool, data_sets: dict[str, Path]
 ) -> None:
-    (axes,) = scene_figures.plan(
-        [replace(read(data_sets["highway"]), is_imported=is_imported)]
-    ).axes
+    scene = replace(read(data_sets["highway"]), is_imported=is_imported)
+    (axes,) = scene_figures.plan(scene).axes
     texts = [text.get_text() for text in axes.texts]
     assert ("N" in texts) == ("north" in axes.get_ylabel()) == is_imported
     assert any(text.strip() == "20 m" for text in texts)

@@ -349,7 +349,7 @@ def test_a_plan_marks_every_sensor(runs: Runs) -> None:
     for name, mounts in (("left", ["left"]), ("fused", list(MOUNTS))):
         folder = out / name / "helios_16"
         assert len(kitti.read_lidar(folder).sensors) == len(mounts)
-        lines = scene_figures.plan([scene_figures.read_scene([folder])]).axes[0].lines
+        lines = scene_figures.plan(scene_figures.read_scene([folder])).axes[0].lines
         marks = [line.get_xydata()[0] for line in lines if line.get_marker() == "^"]
         positions = [(MOUNTS[mount]["x_m"], MOUNTS[mount]["y_m"]) for mount in mounts]
         np.testing.assert_allclose(marks, positions, atol=1e-3)

@@ -193,7 +193,7 @@ def test_surroundings_and_plans_of_lanes(tmp_path: Path, infrasim: Infrasim) -> 
     folder = simulated(infrasim, tmp_path)
     around = read_surroundings(folder.parent)
     assert [road.name for road in around.roads] == ["east", "west", "bend"]
-    assert plan([read_scene([folder])]).axes
+    assert plan(read_scene([folder])).axes
 
 
 def test_a_changed_surface_is_another_data_set(tmp_path: Path, infrasim: Infrasim) -> None:

@@ -18,6 +18,8 @@ import pytest
 from pyinfra.cli import main
 from pyinfra.core import config
 from pyinfra.core.config import as_plain, canonical, from_plain
+from pyinfra.core.errors import Error
+from pyinfra.dataset.frames_version import written_versions
 from pyinfra.experiments import store
 from pyinfra.experiments.benchmark import inputs
 from pyinfra.experiments.benchmark.matrix import read_plan
@@ -27,7 +29,6 @@ from pyinfra.experiments.stress.stressors import NONE, STRESSORS
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import frame_file
 from pyinfra.metrics import replicates
-from pyinfra.metrics.ground_truth import read_ground_truth
 from pyinfra.models.inference import detect
 from pyinfra.models.training.provenance import read_provenance
 from pyinfra.models.training.recipe import read_recipe
@@ -139,7 +140,7 @@ def test_it_is_validated_evaluated_and_stressed(
     words = ["evaluate", str(folder), str(out), "--out", str(old / "ap")]
     assert main.main(words) == 0
     assert "vehicle" in capsys.readouterr().out
-    assert replicates.versions_of(read_ground_truth(folder, [15])) == ("3", "0.3.0")
+    assert written_versions(folder) == ("3", "0.3.0")
     base = altered_scenes.read_base(folder, 10)
     assert STRESSORS["drop_out"].lacks(base) == ""
     assert "expected 4 for stressors that change more than clouds, got 3" in STRESSORS[
@@ -164,15 +165,18 @@ def test_a_row_of_results_is_one_of_other_frames(
 
 def test_a_row_of_results_is_no_pair_with_one_of_other_frames() -> None:
     first, second = (row for _, row in store.read(V0_3_REPLICATES).iloc[:2].iterrows())
-    assert replicates.are_pairs(first, second)
+    replicates.check_pair(first, second)
     other = second.copy()
     other["version"] = "0.2.0"
-    assert not replicates.are_pairs(first, other)
+    with pytest.raises(Error, match="frames_version"):
+        replicates.check_pair(first, other)
     later = second.copy()
     later["version"] = "4.0.0"
-    for number in ("3", "4"):
-        later["frames_version"] = number
-        assert replicates.are_pairs(first, later) == (number == "3")
+    later["frames_version"] = "3"
+    replicates.check_pair(first, later)
+    later["frames_version"] = "4"
+    with pytest.raises(Error, match="frames_version"):
+        replicates.check_pair(first, later)
 
 
 def test_digests_differ_from_those_of_0_3_by_the_number_of_the_frames(

@@ -110,15 +110,20 @@ def read_points(file: Path) -> Float32Array:
     return points
 
 
-def read_fields(file: Path) -> Records:
+def read_fields(file: Path, count: int | None = None) -> Records:
     """Reads the additional fields of each point: (n,) records of FIELDS, in the points' order.
 
     `time_s` counts from the start of the frame. `ring` is 0 at the lowest elevation. `class` is the
     class of the object, or the material of the background. `echo` is 1 for the second point of a
     ray. `object_id` is -1 for background.
-    Raises FormatError if the file is truncated.
+    Raises FormatError if the file is truncated, or does not have `count` records.
     """
-    return _records(file, FIELDS, "time_s ring class echo object_id")
+    fields = _records(file, FIELDS, "time_s ring class echo object_id")
+    if count is not None and len(fields) != count:
+        raise FormatError(
+            f"{file}: expected {count} records, one for each point, got {len(fields)}"
+        )
+    return fields
 
 
 PITCHED_HEADER = ",".join([*OBJECT_COLUMNS, PITCH_COLUMN])

@@ -7,8 +7,7 @@ docstring of the file names the paper that it follows and all deviations from it
 from dataclasses import dataclass
 from typing import Protocol
 
-from pyinfra.core.arrays import FloatArray, NameArray, Points
-from pyinfra.core.rows import Rows
+from pyinfra.core.arrays import FloatArray, NameArray, Points, Rows
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,12 +40,20 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from pyinfra.core.arrays import BoolArray, FloatArray, Floats, Int32Array, IntArray, Points
+from pyinfra.core.arrays import (
+    BoolArray,
+    FloatArray,
+    Floats,
+    Int32Array,
+    IntArray,
+    Points,
+    Rows,
+    concatenated,
+)
 from pyinfra.core.boxes import bev_overlap
 from pyinfra.core.config import ruled
 from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
-from pyinfra.core.rows import Rows, concatenated
 from pyinfra.dataset.ground import Ground
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors import Detections

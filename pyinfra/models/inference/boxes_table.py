@@ -14,16 +14,15 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from pyinfra.core.arrays import Points
+from pyinfra.core.arrays import Points, concatenated
 from pyinfra.core.errors import Error
 from pyinfra.core.files import write as write_bytes
 from pyinfra.core.names import StrPath, path_of, suggestion
 from pyinfra.core.present import Presented
 from pyinfra.core.progress import track
 from pyinfra.core.public import CALLER, public
-from pyinfra.core.rows import concatenated
 from pyinfra.dataset.frame_sequence import FrameSequence
-from pyinfra.dataset.height_checks import CHECKED, height_warnings
+from pyinfra.dataset.ground import CHECKED, height_warnings
 from pyinfra.dataset.loading import AnyFrames, sequence_of
 from pyinfra.dataset.outlines import Drawn
 from pyinfra.dataset.regions import drawn_of, read_outline, region_within

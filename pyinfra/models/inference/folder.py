@@ -13,8 +13,7 @@ from pyinfra.core.files import alone
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.frames import frame_numbers, frame_range, has_labels, period_of
 from pyinfra.dataset.frames_version import number_at
-from pyinfra.dataset.ground import Ground, level_ground
-from pyinfra.dataset.height_checks import CHECKED, check_height, height_warnings
+from pyinfra.dataset.ground import CHECKED, Ground, check_height, height_warnings, level_ground
 from pyinfra.dataset.prediction_origin import read_origin, write_origin
 from pyinfra.dataset.regions import Region, outline_region
 from pyinfra.formats import kitti

@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.core.arrays import IntArray
+from pyinfra.core.arrays import IntArray, concatenated
 from pyinfra.core.boxes import points_in_boxes
 from pyinfra.core.errors import Error
-from pyinfra.core.rows import concatenated
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions
 from pyinfra.dataset.frame_sequence import RecordedFrames

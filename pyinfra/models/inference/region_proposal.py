@@ -21,12 +21,11 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from pyinfra.core.arrays import BoolArray, FloatArray, Points
+from pyinfra.core.arrays import BoolArray, FloatArray, Points, concatenated
 from pyinfra.core.errors import Error
 from pyinfra.core.files import check_output, write
 from pyinfra.core.present import Presented
 from pyinfra.core.progress import track
-from pyinfra.core.rows import concatenated
 from pyinfra.dataset.frames import frame_numbers, period_of
 from pyinfra.dataset.ground import Ground, ground_of
 from pyinfra.dataset.outlines import Drawn, area, in_outline

@@ -5,9 +5,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pyinfra.core.arrays import BoolArray, FloatArray, Points
+from pyinfra.core.arrays import BoolArray, FloatArray, Points, concatenated
 from pyinfra.core.boxes import points_in_boxes
-from pyinfra.core.rows import concatenated
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.ground import Ground
 from pyinfra.dataset.regions import Region

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pyinfra.core.arrays import FloatArray
-from pyinfra.core.rows import Rows
+from pyinfra.core.arrays import FloatArray, Rows
 from pyinfra.scenes.maps.lane_map import MapLane, SiteMap
 from pyinfra.scenes.maps.surfaces import contains, to_segments
 

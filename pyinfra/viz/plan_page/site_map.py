@@ -15,7 +15,7 @@ import pandas as pd
 
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.boxes import footprints
-from pyinfra.dataset.surroundings import Lanes, Surroundings, road_lines
+from pyinfra.dataset.surroundings import Lanes, Surroundings, pieces, road_lines, thinned
 from pyinfra.experiments.planner.request import Area
 from pyinfra.experiments.planner.site import PlanSite, junction_middle
 from pyinfra.formats.ply import read_ply
@@ -94,14 +94,16 @@ def path(lines: Iterable[FloatArray], kind: str, *, closed: bool) -> str:
 
 def _roads(site: PlanSite, roads: Sequence[PlannedRoad], window: Window) -> Iterator[str]:
     if not roads:
-        yield path([_thin(road.outline) for road in site.roads], "road", closed=True)
+        yield path([thinned(road.outline, LINE_STEP) for road in site.roads], "road", closed=True)
     for kind, half in (("walk", "outer_half_m"), ("road", "carriageway_half_m")):
         for road in roads:
             near = np.flatnonzero(window.holds(road.stations[:, 1:3]))
             if not len(near):
                 continue
             part = slice(near[0], near[-1] + 1)
-            sides = [_thin(road.beside(way * getattr(road, half))[part]) for way in (1, -1)]
+            sides = [
+                thinned(road.beside(way * getattr(road, half))[part], LINE_STEP) for way in (1, -1)
+            ]
             yield path([np.concatenate([sides[0], sides[1][::-1]])], kind, closed=True)
     for junction in site.keys.get("junctions") or []:
         ring, middle = junction.get("roundabout"), junction_middle(junction, site.roads)
@@ -127,22 +129,14 @@ def _lines(site: PlanSite, window: Window) -> Iterator[str]:
     around = Surroundings(site.roads, lanes, np.zeros((0, 7)), np.zeros((0, 3)))
     lines = [line for line in road_lines(around) if line.kind != "edge"]
     for kind in ("solid", "dashed"):
-        pieces = [part for line in lines if line.kind == kind for part in _pieces(line.xyz, window)]
-        yield path(pieces, kind, closed=False)
+        parts = [part for line in lines if line.kind == kind for part in _pieces(line.xyz, window)]
+        yield path(parts, kind, closed=False)
 
 
 def _pieces(xyz: FloatArray, window: Window) -> Iterator[FloatArray]:
-    """Yields the pieces of a line between rows of NaN and within the window."""
+    """Returns the pieces of a line between rows of NaN and within the window."""
     xy = xyz[:, :2]
-    good = ~np.isnan(xy[:, 0]) & window.holds(np.nan_to_num(xy))
-    edges = np.flatnonzero(np.diff(good.astype(int))) + 1
-    for part in np.split(np.arange(len(xy)), edges):
-        if good[part[0]]:
-            yield _thin(xy[part])
-
-
-def _thin(line: FloatArray) -> FloatArray:
-    return np.append(line[:-1:LINE_STEP], line[-1:], axis=0)
+    return pieces(xy, ~np.isnan(xy[:, 0]) & window.holds(np.nan_to_num(xy)), LINE_STEP)
 
 
 def _houses(site: PlanSite) -> Iterator[str]:

@@ -54,7 +54,6 @@ class Text:
     """A paragraph."""
 
     text: str
-    kind = "text"
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +63,6 @@ class Remarks:
     caption: str
     lines: Sequence[str]
     closed: bool = False
-    kind = "remarks"
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +74,6 @@ class Table:
     rows: Sequence[Sequence[TableCell]]
     source: TableFile
     closed: bool = False
-    kind = "table"
 
     def without_empty_columns(self) -> Table:
         """Returns the table without the columns that have no value in any row."""
@@ -120,7 +117,6 @@ class Figure:
     layout: str = "small"
     plate: bool = False
     closed: bool = False
-    kind = "figure"
 
 
 @dataclass(frozen=True)
@@ -147,7 +143,6 @@ class Cards:
 
     cards: Sequence[Card]
     source: TableFile
-    kind = "cards"
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +151,6 @@ class Steps:
 
     label: str
     steps: Sequence[tuple[str, str]]
-    kind = "steps"
 
 
 @dataclass(frozen=True)
@@ -177,7 +171,6 @@ class Index:
 
     heads: tuple[str, str]
     entries: Sequence[Entry]
-    kind = "index"
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +179,6 @@ class Embed:
 
     markup: str
     caption: str
-    kind = "embed"
 
 
 Block = Text | Remarks | Table | Figure | Cards | Steps | Index | Embed

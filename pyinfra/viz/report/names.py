@@ -6,7 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pyinfra.dataset.catalogue import LIDARS, configs
+import pandas as pd
+
+from pyinfra.core.vocabulary import PRESETS
+from pyinfra.dataset.catalogue import LIDARS, SCENES, configs
 from pyinfra.experiments.result_tables import DETECTOR_WORDS
 from pyinfra.formats.kitti import read_keys
 from pyinfra.viz.report.style import Look, look
@@ -27,6 +30,7 @@ DETECTORS = {
     "background": "Background",
     **DETECTOR_WORDS,
 }
+ORDER = {"scene": SCENES, "preset": PRESETS, "detector": tuple(DETECTORS)}  # by column
 OF_PACKAGE = tuple(DETECTOR_WORDS)  # detectors whose name is an adjective, such as `pretrained`
 
 
@@ -108,6 +112,11 @@ def in_order(names: Iterable[str], first: Iterable[str]) -> list[str]:
     present = set(names)
     known = [name for name in first if name in present]
     return known + sorted(present - set(known))
+
+
+def ordered(column: pd.Series) -> list[str]:
+    """Returns the distinct names of a column of scenes, presets or detectors, as `in_order`."""
+    return in_order(column, ORDER[str(column.name)])
 
 
 def _model(file: Path) -> str:

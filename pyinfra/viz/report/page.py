@@ -47,6 +47,7 @@ def render(page: Page, folder: str) -> str:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters["identifier"] = identifier
+    environment.filters["kind"] = lambda block: type(block).__name__
     environment.tests["startingwith"] = str.startswith
     light, dark = themes()
     return environment.get_template("page.html").render(

@@ -8,7 +8,6 @@ from pathlib import Path
 import pandas as pd
 
 from pyinfra.core.errors import Error
-from pyinfra.core.vocabulary import PRESETS
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.data_set import DataSet, read_data_set
 from pyinfra.experiments.requirements import Requirements
@@ -48,9 +47,6 @@ class Material:
         """Returns the scenes of the results and of the data sets."""
         scenes = set(self.results.table("experiments").scene) | {d.scene for d in self.data}
         return in_order(scenes, SCENES)
-
-    def presets(self) -> list[str]:
-        return in_order(self.results.table("experiments").preset, PRESETS)
 
     def of_answers(self, rows: pd.DataFrame) -> pd.DataFrame:
         """Returns the rows of each scene under one preset, the result of `preset_of_answers`.

@@ -43,5 +43,4 @@ def write_report(
     requirements = checked_requirements(**{**vars(Requirements()), **given})
     makers, tables = read_sections(sections)
     material = read_material(results, data, runs, tier, requirements, tables)
-    out.parent.mkdir(parents=True, exist_ok=True)
     return write_page(page(material, makers), out)

@@ -25,7 +25,7 @@ from pyinfra.dataset.frames import PERIOD_S
 from pyinfra.dataset.ground import ground_of
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.dataset.simulated_frames import SimulatedFrames
-from pyinfra.dataset.world_frame import to_world
+from pyinfra.dataset.world_frame import boxes_to_world, to_world
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti import Labels, WorldPose
 from pyinfra.metrics.prediction_checks import find_files
@@ -87,7 +87,7 @@ def read_view_frames(
                 sensor=pose,
                 points=_in_world(points[:, :3], pose).astype(np.float32),
                 intensity=points[:, 3],
-                boxes=boxes_in_world(in_frame.boxes, pose),
+                boxes=boxes_to_world(in_frame.boxes, pose),
                 names=in_frame.names,
                 hits=in_frame.points if counted else None,
                 time_s=None if fields is None else fields["time_s"],
@@ -110,15 +110,10 @@ def simulated_view(frames: SimulatedFrames, number: int) -> ViewFrame:
         sensor=pose,
         points=_in_world(frame.points[:, :3], pose).astype(np.float32),
         intensity=frame.points[:, 3],
-        boxes=boxes_in_world(labels[BOX].to_numpy(float), pose),
+        boxes=boxes_to_world(labels[BOX].to_numpy(float), pose),
         names=labels.type.to_numpy(str),
         hits=labels.points.to_numpy(np.int64),
     )
-
-
-def boxes_in_world(boxes: FloatArray, pose: WorldPose) -> FloatArray:
-    """Transforms boxes (k, 7) from the levelled LiDAR frame to the world frame."""
-    return np.column_stack([_in_world(boxes[:, :3], pose), boxes[:, 3:6], boxes[:, 6] + pose.yaw])
 
 
 def _in_world(points: Floats, pose: WorldPose) -> FloatArray:
@@ -144,7 +139,7 @@ def _of_tracks(tracks: pd.DataFrame, frame: int, pose: WorldPose) -> Labels:
         f"{kind} {number} at {KM_H * speed:.0f} km/h{'' if state == 'seen' else f' ({state})'}"
         for kind, number, speed, state in columns
     ]
-    boxes = boxes_in_world(part[BOX].to_numpy(np.float64), pose)
+    boxes = boxes_to_world(part[BOX].to_numpy(np.float64), pose)
     return Labels(np.array(names, dtype=str), boxes, part.score.to_numpy(np.float64))
 
 
@@ -170,6 +165,6 @@ def _predictions(
     views: list[Labels | None] = []
     for i, file in enumerate(files):
         in_frame = table.select(table.frame == i)
-        labels = Labels(in_frame.names, boxes_in_world(in_frame.boxes, pose), in_frame.scores)
+        labels = Labels(in_frame.names, boxes_to_world(in_frame.boxes, pose), in_frame.scores)
         views.append(None if file is None else labels)
     return views

@@ -18,7 +18,7 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error
 from pyinfra.core.version import __version__
 from pyinfra.core.vocabulary import PERSON_TYPES
-from pyinfra.dataset.surroundings import Surroundings, road_lines
+from pyinfra.dataset.surroundings import Surroundings, pieces, road_lines
 from pyinfra.formats import kitti
 from pyinfra.viz.page_file import check_file, write_page_file
 from pyinfra.viz.viewer.encoding import STEP_M, pack_points
@@ -187,18 +187,11 @@ def _around(around: Surroundings | None) -> dict[str, Any]:
     if around is None:
         return packed
     for line in road_lines(around):
-        packed[line.kind] += [_short(part.ravel(), 2) for part in _parts(line.xyz)]
+        parts = pieces(line.xyz, ~np.isnan(line.xyz[:, 0]), LINE_STEP)
+        packed[line.kind] += [_short(part.ravel(), 2) for part in parts]
     for key in STANDING:
         packed[key] = [_short(row) for row in getattr(around, key)]
     return packed
-
-
-def _parts(xyz: FloatArray) -> list[FloatArray]:
-    """Splits a line at rows of NaN and thins the pieces."""
-    gaps = np.flatnonzero(np.isnan(xyz[:, 0]))
-    pieces = [part[~np.isnan(part[:, 0])] for part in np.split(xyz, gaps)]
-    thinned = [np.append(part[:-1:LINE_STEP], part[-1:], axis=0) for part in pieces]
-    return [part for part in thinned if len(part) > 1]
 
 
 def _common_frames(views: Views) -> list[int]:

@@ -6,8 +6,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.vocabulary import PRESETS
-from pyinfra.dataset.catalogue import SCENES
 from pyinfra.metrics.row_selection import AP_R1000, OFF_REGION, hidden_share
 from pyinfra.viz.report.blocks import (
     NOTHING,
@@ -23,7 +21,7 @@ from pyinfra.viz.report.blocks import (
     span,
     table_of,
 )
-from pyinfra.viz.report.names import DETECTORS, capitalized, detector, in_order, option_columns
+from pyinfra.viz.report.names import capitalized, detector, option_columns, ordered
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.speed import timing_load
 
@@ -45,8 +43,8 @@ def grids(material: Material, done: pd.DataFrame, note: Note = lambda _: "") -> 
     """Returns a table for each scene and preset. note: returns the text below the AP of a row."""
     return [
         _grid(material, rows, note)
-        for preset in in_order(done.preset, PRESETS)
-        for scene in in_order(done.scene, SCENES)
+        for preset in ordered(done.preset)
+        for scene in ordered(done.scene)
         if len(rows := done[(done.preset == preset) & (done.scene == scene)])
     ]
 
@@ -64,7 +62,7 @@ def _lead(experiments: pd.DataFrame, done: pd.DataFrame) -> str:
 
 def _grid(material: Material, rows: pd.DataFrame, note: Note) -> Table:
     """Returns a table with LiDARs as rows and detectors as columns."""
-    detectors = in_order(rows.detector, DETECTORS)
+    detectors = ordered(rows.detector)
     lines = []
     for lidar in material.names.sorted(rows.lidar):
         by_detector = rows[rows.lidar == lidar].set_index("detector", drop=False)

@@ -6,8 +6,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.patches import Patch
 
-from pyinfra.core.vocabulary import PRESETS
-from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.data_set import DataSet
 from pyinfra.dataset.roads import read_roads
 from pyinfra.metrics.evaluation_tables import LANES
@@ -28,7 +26,7 @@ from pyinfra.viz.report.blocks import (
     span,
     table_of,
 )
-from pyinfra.viz.report.names import DETECTORS, detector, in_order
+from pyinfra.viz.report.names import detector, ordered
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.distance import MEANING
 from pyinfra.viz.report.style import INK, drawing, panel
@@ -62,13 +60,13 @@ def section(material: Material) -> Section | None:
 def _bars(material: Material, distance: pd.DataFrame) -> list[Block]:
     """Returns figures of stacked bars, with a panel for each scene and detector."""
     blocks: list[Block] = []
-    for preset in in_order(distance.preset, PRESETS):
+    for preset in ordered(distance.preset):
         for truth in TRUTHS:
             rows = distance[(distance.preset == preset) & (distance.ground_truth == truth)]
             panels = [
                 _bar_panel(material, rows[(rows.scene == scene) & (rows.detector == name)])
-                for scene in in_order(rows.scene, SCENES)
-                for name in in_order(rows[rows.scene == scene].detector, DETECTORS)
+                for scene in ordered(rows.scene)
+                for name in ordered(rows[rows.scene == scene].detector)
             ]
             caption = f"Areas by quality, preset {preset}: {MEANING[truth]}."
             source = material.results.source("distance")

@@ -1,15 +1,15 @@
 """The section on AP along the road."""
 
+from collections.abc import Callable
+
 import pandas as pd
 
-from pyinfra.core.vocabulary import PRESETS
-from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.windows import WINDOW_M
 from pyinfra.metrics.evaluation_tables import HIGH_QUALITY
 from pyinfra.metrics.row_selection import AP_R1000, first_seed
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Figure, LegendEntry, Panel, Section
-from pyinfra.viz.report.names import DETECTORS, Names, detector, in_order
+from pyinfra.viz.report.names import Names, detector, in_order, ordered
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.style import FAINT, drawing, panel
 
@@ -30,7 +30,7 @@ def section(material: Material) -> Section | None:
     table = first_seed(table)
     figures = [
         _figure(material, table, preset, truth)
-        for preset in in_order(table.preset, PRESETS)
+        for preset in ordered(table.preset)
         for truth in in_order(table[table.preset == preset].ground_truth, ("captured", "all"))
         if truth in ("captured", "all")
     ]
@@ -49,13 +49,25 @@ def legend(names: Names, lidars: list[str]) -> list[LegendEntry]:
     return [LegendEntry(x, svg.line_swatch(k.colour, k.line, k.marker)) for x, k in styles]
 
 
+def legend_of_both(
+    names: Names, table: pd.DataFrame, swatch: Callable[[str], str]
+) -> list[LegendEntry]:
+    """Returns legend entries of the LiDARs with their colours, and of the detectors of a table.
+
+    swatch: a function that returns the markup of a detector's line or marker.
+    """
+    lidars = [(names.label(x), names.look(x).colour) for x in names.sorted(table.lidar)]
+    entries = [LegendEntry(label, svg.patch_swatch(colour, "")) for label, colour in lidars]
+    return entries + [LegendEntry(detector(d), swatch(d)) for d in ordered(table.detector)]
+
+
 def _figure(material: Material, table: pd.DataFrame, preset: str, truth: str) -> Figure:
     rows = table[(table.preset == preset) & (table.ground_truth == truth)]
     panels = []
-    for scene in in_order(rows.scene, SCENES):
+    for scene in ordered(rows.scene):
         of_scene = rows[rows.scene == scene]
         for road in of_scene.road.unique():
-            for name in in_order(of_scene.detector, DETECTORS):
+            for name in ordered(of_scene.detector):
                 curve = of_scene[(of_scene.road == road) & (of_scene.detector == name)]
                 if curve.ap_r1000.notna().any():
                     panels.append(_panel(material, curve))

@@ -3,12 +3,10 @@
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.vocabulary import PRESETS
-from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.formats.csv_table import read_csv
 from pyinfra.viz.report.blocks import Column, Section, Table, TableCell, number
-from pyinfra.viz.report.names import in_order
+from pyinfra.viz.report.names import ordered
 from pyinfra.viz.report.report_data import Material
 
 KEY = ["scene", "lidar"]
@@ -21,7 +19,7 @@ def section(material: Material) -> Section | None:
     rows, remark = measured(material)
     if rows.empty:
         return None
-    presets = in_order(rows.preset, PRESETS)
+    presets = ordered(rows.preset)
     heads = [
         Column("LiDAR"),
         Column("Scene"),
@@ -41,7 +39,7 @@ def by_lidar(material: Material, rows: pd.DataFrame) -> list[tuple[tuple[str, st
     """Returns the rows of each scene and LiDAR, in the report's order."""
     pairs = [
         (scene, lidar)
-        for scene in in_order(rows.scene, SCENES)
+        for scene in ordered(rows.scene)
         for lidar in material.names.sorted(rows[rows.scene == scene].lidar)
     ]
     return [(pair, rows[(rows.scene == pair[0]) & (rows.lidar == pair[1])]) for pair in pairs]

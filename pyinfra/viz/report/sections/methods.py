@@ -4,7 +4,7 @@ import pandas as pd
 
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.viz.report.blocks import Block, Column, Section, Steps, Table, TableCell, number
-from pyinfra.viz.report.names import DETECTORS, detector, in_order
+from pyinfra.viz.report.names import detector, ordered
 from pyinfra.viz.report.report_data import Material
 
 LEAD = (
@@ -52,7 +52,7 @@ KINDS = {
 def section(material: Material) -> Section:
     """Returns the processing steps, the detectors and the provenance."""
     blocks: list[Block] = [Steps("Processing steps", STEPS)]
-    names = in_order(material.results.table("experiments").detector, DETECTORS)
+    names = ordered(material.results.table("experiments").detector)
     if names:
         blocks.append(_detectors(names))
     blocks.append(_provenance(material))

@@ -17,17 +17,17 @@ from pyinfra.dataset.data_set import DataSet
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions
 from pyinfra.dataset.prediction_origin import check_origin
 from pyinfra.experiments.result_tables import TableFile
+from pyinfra.metrics import scan_patterns
 from pyinfra.metrics.scanning_statistics import described, speed_table
 from pyinfra.viz import clouds, cutouts, scene_pictures
+from pyinfra.viz.clouds import Snapshot, read_snapshot
 from pyinfra.viz.pattern_picture import pattern_picture
-from pyinfra.viz.picture_style import STYLE
-from pyinfra.viz.plan_marks import draw_scale
+from pyinfra.viz.picture_style import STYLE, draw_scale
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Block, Figure, LegendEntry, Panel, Section
 from pyinfra.viz.report.names import detector
 from pyinfra.viz.report.report_data import Material, Run
 from pyinfra.viz.report.style import drawing, panel
-from pyinfra.viz.snapshot import Snapshot, read_snapshot
 
 PATTERN_S = 2.0
 SHOWN_SCORE = 0.3  # minimum score of predicted boxes
@@ -74,11 +74,7 @@ def _drawn(figure: Drawing, name: str, label: str, title: str = "") -> Panel:
 
 
 def _patterns(material: Material, data: DataSet) -> list[Block]:
-    """Draws the scan patterns; returns nothing if the compiled extension is missing."""
-    try:
-        from pyinfra.metrics import scan_patterns
-    except ImportError:
-        return []
+    """Draws the scan patterns of the LiDARs that have one."""
     patterns = {}
     for folder in folders(material, data):
         if not scan_patterns.has_pattern(folder / "lidar.yaml"):
@@ -123,7 +119,7 @@ def _plans(material: Material, data_sets: Sequence[DataSet]) -> list[Block]:
 
 def _plan_of_data(data: DataSet) -> Drawing:
     read = scene_pictures.read_scene([data.lidar_folder(name) for name in data.names])
-    return scene_pictures.plan([read])
+    return scene_pictures.plan(read)
 
 
 def _plan_of_package(scene: str) -> Drawing | None:

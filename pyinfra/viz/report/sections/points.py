@@ -4,8 +4,6 @@ from typing import Any
 
 import pandas as pd
 
-from pyinfra.core.vocabulary import PRESETS
-from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.data_set import DataSet
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics import scanning_tables
@@ -14,7 +12,7 @@ from pyinfra.metrics.scanning_statistics import sets_of
 from pyinfra.viz.picture_style import in_chart
 from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import Figure, Panel, Section
-from pyinfra.viz.report.names import in_order
+from pyinfra.viz.report.names import in_order, ordered
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.distance import legend
 from pyinfra.viz.report.style import drawing, log_ticks, panel
@@ -28,7 +26,7 @@ def section(material: Material) -> Section | None:
     table = table[table.apv > 0]
     if table.empty:
         return None
-    presets = in_order(table.preset, PRESETS)
+    presets = ordered(table.preset)
     figures = [_figure(material, table, source, preset, presets) for preset in presets]
     lead = (
         "Mean number of points on a vehicle in distance bins of 5 m. Bands are 95 % intervals, "
@@ -65,7 +63,7 @@ def _figure(
     rows = table[table.preset == preset]
     panels = [
         _panel(material, rows[(rows.scene == scene) & (rows["set"] == name)])
-        for scene in in_order(rows.scene, SCENES)
+        for scene in ordered(rows.scene)
         for name in in_order(rows[rows.scene == scene]["set"], SETS)
     ]
     lidars = legend(material.names, material.names.sorted(rows.lidar))

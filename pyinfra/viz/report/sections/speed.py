@@ -6,8 +6,6 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.machine_load import load_text
-from pyinfra.core.vocabulary import PRESETS
-from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.requirements import frame_ms
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.metrics.row_selection import AP_R1000
@@ -15,15 +13,15 @@ from pyinfra.viz.report import svg
 from pyinfra.viz.report.blocks import (
     Columns,
     Figure,
-    LegendEntry,
     Panel,
     Section,
     Table,
     number_in,
     table_of,
 )
-from pyinfra.viz.report.names import DETECTORS, detector, in_order, option_columns
+from pyinfra.viz.report.names import DETECTORS, option_columns, ordered
 from pyinfra.viz.report.report_data import Material
+from pyinfra.viz.report.sections.distance import legend_of_both
 from pyinfra.viz.report.style import FAINT, GROUND, drawing, log_ticks, panel
 from pyinfra.viz.scanning_plots import MARKERS
 
@@ -36,7 +34,7 @@ COSTS = {
 def section(material: Material) -> Section | None:
     """Returns figures of AP against latency and training time, with their Pareto fronts."""
     experiments = material.results.done()
-    presets = in_order(experiments.preset, PRESETS)
+    presets = ordered(experiments.preset)
     made = [_figure(material, experiments, preset, cost) for cost in COSTS for preset in presets]
     figures = [f for f in made if f is not None]
     if not figures:
@@ -96,9 +94,11 @@ def _figure(material: Material, experiments: pd.DataFrame, preset: str, cost: st
     )
     if cost == "latency_p50_ms":
         caption += " The bar to the right of a mark ends at the 95th percentile of the latency."
-    panels = [_panel(material, rows[rows.scene == s], cost) for s in in_order(rows.scene, SCENES)]
+    panels = [_panel(material, rows[rows.scene == s], cost) for s in ordered(rows.scene)]
     source = material.results.source("experiments")
-    legend = _legend(material, rows)
+    legend = legend_of_both(
+        material.names, rows, lambda name: svg.line_swatch(FAINT, "none", _marker(name))
+    )
     return Figure(f"figure-{name}-{preset}", caption, panels, source, legend)
 
 
@@ -106,18 +106,6 @@ def _marker(name: str) -> str:
     """Returns a detector's marker. In this section colours distinguish the LiDARs."""
     names = list(DETECTORS)
     return MARKERS[names.index(name)] if name in names else "*"
-
-
-def _legend(material: Material, rows: pd.DataFrame) -> list[LegendEntry]:
-    lidars = material.names.sorted(rows.lidar)
-    entries = [
-        LegendEntry(material.names.label(x), svg.patch_swatch(material.names.look(x).colour, ""))
-        for x in lidars
-    ]
-    return entries + [
-        LegendEntry(detector(d), svg.line_swatch(FAINT, "none", _marker(d)))
-        for d in in_order(rows.detector, DETECTORS)
-    ]
 
 
 def _panel(material: Material, rows: pd.DataFrame, cost: str) -> Panel:

@@ -6,8 +6,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.vocabulary import PRESETS
-from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.result_tables import TableFile
 from pyinfra.experiments.stress.stressors import NONE
 from pyinfra.metrics.row_selection import AP_R1000, first_stress
@@ -16,14 +14,14 @@ from pyinfra.viz.report.blocks import (
     Block,
     Column,
     Figure,
-    LegendEntry,
     Panel,
     Section,
     Table,
     TableCell,
 )
-from pyinfra.viz.report.names import DETECTORS, Names, detector, in_order
+from pyinfra.viz.report.names import DETECTORS, Names, ordered
 from pyinfra.viz.report.report_data import Material
+from pyinfra.viz.report.sections.distance import legend_of_both
 from pyinfra.viz.report.style import FAINT, drawing, panel
 from pyinfra.viz.scanning_plots import LINES, MARKERS
 from pyinfra.viz.stress_plots import UNITS
@@ -35,9 +33,9 @@ def section(material: Material) -> Section | None:
     """Returns a panel per stressor, with a line per detector and LiDAR, and the stress tables."""
     table = first_stress(material.results.table("stress"))
     blocks: list[Block] = []
-    for scene in in_order(table.scene, SCENES):
+    for scene in ordered(table.scene):
         of_scene = table[table.scene == scene]
-        for preset in in_order(of_scene.preset, PRESETS):
+        for preset in ordered(of_scene.preset):
             blocks += _figure(material, of_scene[of_scene.preset == preset], scene, preset)
     for name in ("stress_ranking", "stress_summary"):
         rows = material.results.table(name)
@@ -72,19 +70,10 @@ def _figure(material: Material, table: pd.DataFrame, scene: str, preset: str) ->
         "distinguish LiDARs, line styles distinguish detectors."
     )
     source = material.results.source("stress")
-    legend = _legend(material.names, table)
+    legend = legend_of_both(
+        material.names, table, lambda name: svg.line_swatch(FAINT, *_style(name))
+    )
     return [Figure(f"figure-stress-{scene}-{preset}", caption, panels, source, legend)]
-
-
-def _legend(names: Names, table: pd.DataFrame) -> list[LegendEntry]:
-    lidars = names.sorted(table.lidar)
-    entries = [
-        LegendEntry(names.label(x), svg.patch_swatch(names.look(x).colour, "")) for x in lidars
-    ]
-    for name in in_order(table.detector, DETECTORS):
-        line, marker = _style(name)
-        entries.append(LegendEntry(detector(name), svg.line_swatch(FAINT, line, marker)))
-    return entries
 
 
 def _style(name: str) -> tuple[Any, str]:

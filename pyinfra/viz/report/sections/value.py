@@ -6,8 +6,6 @@ from typing import Any
 
 import pandas as pd
 
-from pyinfra.core.vocabulary import PRESETS
-from pyinfra.dataset.catalogue import SCENES
 from pyinfra.experiments.value import mounts_of
 from pyinfra.metrics.row_selection import AP_R1000, first_seed
 from pyinfra.viz.report import svg
@@ -24,7 +22,7 @@ from pyinfra.viz.report.blocks import (
     number_in,
     table_of,
 )
-from pyinfra.viz.report.names import DETECTORS, in_order, option_columns
+from pyinfra.viz.report.names import DETECTORS, option_columns, ordered
 from pyinfra.viz.report.report_data import Material
 from pyinfra.viz.report.sections.distance import legend
 from pyinfra.viz.report.style import FAINT, GROUND, drawing, log_ticks, panel
@@ -77,7 +75,7 @@ def _lead(material: Material, value: pd.DataFrame) -> str:
         return text
     best = material.of_answers(value)
     parts = []
-    for scene in in_order(best.scene, SCENES):
+    for scene in ordered(best.scene):
         rows = best[(best.scene == scene) & _on_front(best)]
         names = [material.names.model(x) for x in material.names.sorted(rows.lidar)]
         parts += [f"{scene} ({rows.preset.iloc[0]}): {', '.join(names)}"] if names else []
@@ -92,7 +90,7 @@ def _on_front(value: pd.DataFrame) -> pd.Series:
 def _fronts(material: Material, value: pd.DataFrame) -> list[Figure]:
     """Returns a figure per preset. Presets that the text uses come first and are open."""
     of_text = set(material.of_answers(value).preset)
-    presets = in_order(value.preset, PRESETS)
+    presets = ordered(value.preset)
     presets.sort(key=lambda preset: preset not in of_text)
     figures = [(_front(material, value, preset), preset in of_text) for preset in presets]
     return [Figure(**vars(figure) | {"closed": not is_open}) for figure, is_open in figures]
@@ -100,7 +98,7 @@ def _fronts(material: Material, value: pd.DataFrame) -> list[Figure]:
 
 def _front(material: Material, value: pd.DataFrame, preset: str) -> Figure:
     rows = value[value.preset == preset]
-    panels = [_panel(material, rows[rows.scene == s]) for s in in_order(rows.scene, SCENES)]
+    panels = [_panel(material, rows[rows.scene == s]) for s in ordered(rows.scene)]
     return Figure(
         f"figure-price-{preset}",
         f"{AP_R1000} of the vehicles of the whole road against price, preset {preset}, with "
