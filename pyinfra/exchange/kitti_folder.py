@@ -10,10 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.core.arrays import FloatArray, Records
+from pyinfra.core.arrays import FloatArray, IntArray, Records
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.exchange.bin_columns import columns_of
-from pyinfra.exchange.known_objects import known_objects
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Boxes,
@@ -169,6 +168,23 @@ def _boxes(file: Path, calib: Path, objects: Path) -> Boxes:
     if known := known_objects(objects, labels):
         return Boxes(labels.names, labels.boxes, *known)
     return Boxes(labels.names, labels.boxes, visibility=_visibility(labels.image[:, 1]))
+
+
+def known_objects(file: Path, labels: kitti.Labels) -> tuple[IntArray, FloatArray] | None:
+    """Returns ids and visibility (k,) of labels, whose objects are in `file` in the same order.
+
+    This package writes the file beside the labels, which have all objects, or those with a point.
+    Returns None if the file does not exist or has other objects. Raises FormatError.
+    """
+    if not file.is_file():
+        return None
+    objects = kitti.read_objects(file)
+    rows = np.arange(len(objects))
+    if len(rows) != len(labels):
+        rows = np.flatnonzero(objects.points > 0)
+    if not np.array_equal(objects.names[rows], labels.names):
+        return None
+    return objects.ids[rows], objects.visibility[rows]
 
 
 def _visibility(occluded: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from pyinfra.core.errors import FormatError
 from pyinfra.dataset.frame_readers import read_cameras
 from pyinfra.exchange.box_text import write_boxes
 from pyinfra.exchange.frame_times import seconds_of_stamp
-from pyinfra.exchange.known_objects import known_objects
+from pyinfra.exchange.kitti_folder import known_objects
 from pyinfra.exchange.label_files import LabelFiles, clouds_in, open_labels
 from pyinfra.exchange.point_fields import (
     INTENSITIES,
