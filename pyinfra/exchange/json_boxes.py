@@ -9,7 +9,6 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import replace
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import FormatError
-from pyinfra.exchange.recording import Boxes
+from pyinfra.exchange.recording import Boxes, digest_of
 from pyinfra.formats.kitti.layout import FARTHEST_M
 
 # Visible share for each `occluded_state`: not, partly and mostly occluded.
@@ -111,12 +110,8 @@ def boxes_of(
 
 def track_digest(files: Sequence[Path], key: str = "track_id") -> str:
     """Returns a digest of label files whose objects have a track; empty if none has one."""
-    digest, tracked = sha256(), False
-    for file in files:
-        content = file.read_bytes()
-        tracked = tracked or f'"{key}"'.encode() in content
-        digest.update(content)
-    return digest.hexdigest()[:16] if tracked else ""
+    tracked = any(f'"{key}"'.encode() in file.read_bytes() for file in files)
+    return digest_of(files) if tracked else ""
 
 
 def checked_box(location: str, values: FloatArray) -> FloatArray:

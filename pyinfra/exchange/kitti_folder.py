@@ -5,7 +5,6 @@ of the benchmark's devkit.
 """
 
 from collections.abc import Sequence
-from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,7 @@ from pyinfra.exchange.recording import (
     RecordedFrame,
     Recording,
     check_pairs,
+    digest_of,
     read_bin,
     read_splits,
     sorted_files,
@@ -108,12 +108,11 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
         return RecordedFrame(points, boxes)
 
     labelled = file.is_file()
-    digest = sha256(file.read_bytes()).hexdigest()[:16] if labelled else ""
     return Recording(
         names,
         frame,
         labelled,
-        tracks_sha256=digest,
+        tracks_sha256=digest_of([file]) if labelled else "",
         notes=lambda: notes,
         reads=(*clouds, file, calib),
     )

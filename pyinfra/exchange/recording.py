@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -209,6 +210,14 @@ def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
                 f"{file}: expected a label file for each cloud, got none for this cloud; write an "
                 "empty label file for a cloud without objects"
             )
+
+
+def digest_of(files: Sequence[Path]) -> str:
+    """Returns a digest of the content of files, one after the other."""
+    digest = sha256()
+    for file in files:
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
 
 
 def stem(file: Path) -> str:

@@ -202,12 +202,17 @@ def _ascii(header: Header, stream: BinaryIO) -> Records:
     lines = [line for line in lines if line.strip()]
     if len(lines) != header.points:
         fail(header.file, f"expected {header.points} points, got {len(lines)}")
+    return text_records(header.file, lines, header.record, "points")
+
+
+def text_records(file: Path, lines: list[str], record: np.dtype[np.void], what: str) -> Records:
+    """Reads lines of numbers into records (n,). `what` describes them in a FormatError."""
     if not lines:
-        return np.empty(0, dtype=header.record)
+        return np.empty(0, dtype=record)
     try:
-        return np.atleast_1d(np.loadtxt(io.StringIO("\n".join(lines)), dtype=header.record))
+        return np.atleast_1d(np.loadtxt(io.StringIO("\n".join(lines)), dtype=record))
     except ValueError as error:
-        fail(header.file, f"points: {error}")
+        fail(file, f"{what}: {error}")
 
 
 def _binary(header: Header, stream: BinaryIO) -> Records:
