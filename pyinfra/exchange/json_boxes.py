@@ -43,7 +43,7 @@ def read_json(file: Path) -> Any:
 def shown(content: object) -> str:
     """Describes the JSON value of a file in a few words."""
     if isinstance(content, dict):
-        return f"the keys {', '.join(map(str, content))[:100]}" if content else "no keys"
+        return f"the keys {', '.join(map(str, content))[:200]}" if content else "no keys"
     return "a list of other entries" if isinstance(content, list) else f"{content!r:.40}"
 
 
@@ -120,7 +120,9 @@ def checked_box(location: str, values: FloatArray) -> FloatArray:
     finite = np.isfinite(values).all() and np.abs(xyz).max() <= FARTHEST_M
     if not finite or sizes.min() <= LEAST_M or sizes.max() > MOST_M:
         allowed = f"sizes above {LEAST_M:g} m, up to {MOST_M:g} m, and a centre within 10 km"
-        raise FormatError(f"{location}: expected {allowed}, got sizes {sizes} and centre {xyz}")
+        raise FormatError(
+            f"{location}: expected {allowed}, got length, width, height {sizes} and centre {xyz}"
+        )
     if abs(values[6]) > 2 * math.pi + 0.01:
         raise UnitError(f"{location}: rotation: expected -2 pi to 2 pi rad, got {values[6]:g}")
     return values

@@ -272,7 +272,7 @@ WRONG_TABLES: dict[str, tuple[str, Callable[[Any], Any], str]] = {
     "no width": (
         "sample_annotation",
         lambda rows: [rows[0] | {"size": [0, 1, 1]}],
-        r"expected sizes above .*, got sizes \[0\. 1\. 1\.\] and",
+        r"expected sizes above .*, got length, width, height \[1\. 0\. 1\.\] and",
     ),
     "NUL": ("sample_data", lambda rows: [rows[0] | {"filename": "a\0b"}], "expected a file inside"),
     "no category": ("category", lambda rows: [{"token": "c"}], "expected the key 'name', got none"),
