@@ -221,7 +221,4 @@ def read_owners(folder: Path, frame: int, count: int) -> IntArray:
     not have `count` records.
     """
     file = kitti.frame_file(folder, "fields", frame)
-    owner = kitti.read_fields(file)["object_id"].astype(np.int64)
-    if len(owner) != count:
-        raise FormatError(f"{file}: expected {count} records, one for each point, got {len(owner)}")
-    return owner
+    return kitti.read_fields(file, count)["object_id"].astype(np.int64)

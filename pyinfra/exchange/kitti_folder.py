@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pyinfra.core.arrays import FloatArray, IntArray, Records
+from pyinfra.core.arrays import FloatArray, IntArray
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.exchange.bin_columns import columns_of
 from pyinfra.exchange.recording import (
@@ -60,8 +60,9 @@ def read(source: Path, options: Options) -> Recording:
         calib = training / f"calib/{names[i]}.txt"
         objects = training / f"objects/{names[i]}.csv"
         boxes = _boxes(folder / f"{names[i]}.txt", calib, objects) if folder else NO_BOXES
-        fields = training / f"fields/{names[i]}.bin"
-        return RecordedFrame(points, boxes, _fields(fields, len(points)))
+        file = training / f"fields/{names[i]}.bin"
+        fields = kitti.read_fields(file, len(points)) if file.is_file() else None
+        return RecordedFrame(points, boxes, fields)
 
     splits, notes = read_splits(source / "ImageSets", names)
     notes += [note] if note else []
@@ -149,15 +150,6 @@ def _tracks(file: Path, calib: Path) -> dict[int, Boxes]:
         visibility = _visibility(values[in_frame, 3])
         by_frame[int(number)] = Boxes(names[in_frame], boxes[in_frame], ids[in_frame], visibility)
     return by_frame
-
-
-def _fields(file: Path, count: int) -> Records | None:
-    records = kitti.read_fields(file) if file.is_file() else None
-    if records is not None and len(records) != count:
-        raise FormatError(
-            f"{file}: expected {count} records, as many as points, got {len(records)}"
-        )
-    return records
 
 
 def _boxes(file: Path, calib: Path, objects: Path) -> Boxes:

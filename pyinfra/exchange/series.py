@@ -151,12 +151,7 @@ def read_fields(folder: Path, number: int, count: int) -> Records | None:
     if not (folder / "training/fields").is_dir():
         return None
     file = kitti.frame_file(folder, "fields", number)
-    fields = kitti.read_fields(file)
-    if len(fields) != count:
-        raise FormatError(
-            f"{file}: expected {count} records, one for each point, got {len(fields)}"
-        )
-    return fields
+    return kitti.read_fields(file, count)
 
 
 def _boxes(series: FrameSeries, number: int, points: Points) -> Objects:
