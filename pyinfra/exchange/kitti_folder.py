@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, IntArray
-from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.errors import FormatError
 from pyinfra.exchange.bin_columns import columns_of
 from pyinfra.exchange.recording import (
     NO_BOXES,
@@ -22,6 +22,7 @@ from pyinfra.exchange.recording import (
     digest_of,
     read_bin,
     read_splits,
+    selected,
     sorted_files,
     stem,
 )
@@ -80,18 +81,13 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
     `options.channel` selects one of several sequences. A row of label_02 begins with frame and
     track id.
     """
-    chosen = [path for path in sequences if options.channel in (None, path.name)]
-    if len(chosen) != 1:
-        known = ", ".join(path.name for path in sequences)
-        got = f"'{options.channel}'" if options.channel else "none"
-        raise Error(
-            f"{training / 'velodyne'}: `channel`: expected one of the sequences {known}; got {got}"
-        )
-    clouds = sorted_files(chosen[0], [".bin"])
+    known = [path.name for path in sequences]
+    sequence = sequences[selected(training / "velodyne", known, options.channel, "sequence")]
+    clouds = sorted_files(sequence, [".bin"])
     columns, note = columns_of(clouds, options)
     names = tuple(stem(file) for file in clouds)
-    file = (options.labels or training / "label_02") / f"{chosen[0].name}.txt"
-    calib = training / f"calib/{chosen[0].name}.txt"
+    file = (options.labels or training / "label_02") / f"{sequence.name}.txt"
+    calib = training / f"calib/{sequence.name}.txt"
     tracks = _tracks(file, calib) if file.is_file() else {}
     with_cloud = {int(name) for name in names if name.isdecimal()}
     lost = sorted(set(tracks) - with_cloud)

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.exchange.json_boxes import checked_box, read_json, shown
-from pyinfra.exchange.recording import Boxes, Options, RecordedFrame, Recording, read_bin
+from pyinfra.exchange.recording import Boxes, Options, RecordedFrame, Recording, read_bin, selected
 from pyinfra.formats.kitti import WorldPose
 
 COLUMNS = 5  # number of values per point: x y z intensity ring
@@ -178,12 +178,8 @@ def _table_folder(source: Path) -> Path:
 def _sensor(tables: Tables, channel: str | None) -> str:
     """Returns the token of the selected LiDAR. Raises Error unless exactly one LiDAR fits."""
     lidars = [row for row in tables.rows("sensor") if row.get("modality") == "lidar"]
-    chosen = [row for row in lidars if channel in (None, row.get("channel"))]
-    if len(chosen) != 1:
-        names = ", ".join(str(row.get("channel")) for row in lidars)
-        names = f"the LiDARs {names}" if names else "none"
-        raise Error(f"{tables.folder}: expected one LiDAR, got {names}; `channel` selects one")
-    return str(chosen[0]["token"])
+    names = [str(row.get("channel")) for row in lidars]
+    return str(lidars[selected(tables.folder, names, channel)]["token"])
 
 
 def _key_frames(tables: Tables, sensor: str) -> list[Row]:

@@ -212,6 +212,19 @@ def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
             )
 
 
+def selected(where: Path, names: Sequence[str], channel: str | None, what: str = "LiDAR") -> int:
+    """Returns the position of the name that is `channel`; None selects the only name.
+
+    Raises Error unless exactly one of the names fits.
+    """
+    fitting = [i for i, name in enumerate(names) if channel in (None, name)]
+    if len(fitting) != 1:
+        wanted = f"{what} '{channel}'" if channel else what
+        got = f"the {what}s {', '.join(names)}" if names else "none"
+        raise Error(f"{where}: expected one {wanted}, got {got}; `channel` selects one")
+    return fitting[0]
+
+
 def digest_of(files: Sequence[Path]) -> str:
     """Returns a digest of the content of files, one after the other."""
     digest = sha256()
