@@ -251,7 +251,7 @@ def _better(plane: RoadPlane, best: RoadPlane | None) -> bool:
 
 def _axes(turn: FloatArray) -> str:
     """Returns a text such as `-z, x, y`. Each row of `turn` has one entry of 1 or -1."""
-    return ", ".join("-" * (row.min() < 0) + "xyz"[np.abs(row).argmax()] for row in turn)
+    return ", ".join(("-" if row.min() < 0 else "") + "xyz"[np.abs(row).argmax()] for row in turn)
 
 
 def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey:
