@@ -22,6 +22,7 @@ from pyinfra.dataset.loading import one_lidar
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.exchange import track_files
 from pyinfra.formats.csv_table import read_words
+from pyinfra.formats.kitti.lidar import PERIOD_S
 from pyinfra.tracking.table_file import TRACK_COLUMNS, write_tracks
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ def import_map(
     return folder / "site.yaml"
 
 
-@public()
+@public(period_s=PERIOD_S, tilt_deg=(-90, 90), columns=(3, 64), unit_m=(1e-6, 1000))
 def import_recording(
     source: StrPath,
     format: str | None,

@@ -23,7 +23,7 @@ import yaml
 
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import write
-from pyinfra.exchange.json_boxes import number
+from pyinfra.exchange.json_boxes import number, shown
 
 MOST_BEAMS = 512
 MOST_BYTES = 20_000_000
@@ -114,13 +114,6 @@ def write_lidar_file(table: BeamTable, file: Path) -> Path:
     return beside
 
 
-def _keys_of(content: Any) -> str:
-    """Returns the keys of a file for messages."""
-    if not isinstance(content, dict) or not content:
-        return "no keys"
-    return f"the keys {', '.join(map(str, content))[:200]}"
-
-
 def _ouster(file: Path, content: Any) -> BeamTable:
     """Reads the metadata of firmware 1 to 3, whose keys are nested in newer versions."""
     inner = content.get("beam_intrinsics", content) if isinstance(content, dict) else {}
@@ -128,7 +121,7 @@ def _ouster(file: Path, content: Any) -> BeamTable:
     if not isinstance(altitude, list) or not isinstance(azimuth, list):
         raise FormatError(
             f"{file}: expected Ouster's beam_altitude_angles and beam_azimuth_angles, got "
-            f"{_keys_of(content)}"
+            f"{shown(content)}"
         )
     if len(altitude) != len(azimuth):
         raise FormatError(
@@ -150,7 +143,7 @@ def _ouster(file: Path, content: Any) -> BeamTable:
 def _velodyne_yaml(file: Path, content: Any) -> BeamTable:
     lasers = content.get("lasers") if isinstance(content, dict) else None
     if not isinstance(lasers, list):
-        raise FormatError(f"{file}: expected Velodyne's key 'lasers', got {_keys_of(content)}")
+        raise FormatError(f"{file}: expected Velodyne's key 'lasers', got {shown(content)}")
     beams = []
     for i, laser in enumerate(lasers):
         if not isinstance(laser, dict) or "vert_correction" not in laser:

@@ -193,7 +193,7 @@ def _write_frame(
     summary.wide += int((vehicles[:, 3] < vehicles[:, 4]).sum())
     summary.bottoms.append(vehicles[:, 2] - vehicles[:, 5] / 2)
     summary.monitor.add(number, points, fields)
-    summary.coverage.add(_in_sensor_frame(points, T_levelled_sensor))
+    summary.coverage.add(points[:, :3] @ T_levelled_sensor.astype(np.float32))
 
 
 def has_return(points: Points) -> BoolArray:
@@ -246,12 +246,6 @@ def with_ids(boxes: Boxes, points: Points, fields: Records) -> Boxes:
     k = np.arange(len(boxes))
     agreed = (counts.argmax(axis=0)[best] == k) & (counts[k, best] > 0)
     return replace(boxes, ids=np.where(agreed, owners[best].astype(np.int64), -1))
-
-
-def _in_sensor_frame(points: Points, T_levelled_sensor: FloatArray) -> Points:
-    if np.array_equal(T_levelled_sensor, np.eye(3)):
-        return points
-    return points[:, :3] @ T_levelled_sensor.astype(np.float32)
 
 
 def _write_lists(out: Path, recording: Recording, numbers: tuple[int, ...]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.dataset.frames import PERIOD_S as USUAL_S
-from pyinfra.exchange.name_times import EARLIEST_S, LATEST_S, REGULAR, times_in
+from pyinfra.exchange.name_times import EARLIEST_S, LATEST_S, REGULAR, share_regular, times_in
 from pyinfra.exchange.recording import Recording
 from pyinfra.formats.kitti.lidar import PERIOD_S
 
@@ -24,10 +24,7 @@ def seconds_of_stamp(value: float) -> float | None:
 
     Returns None if no unit gives a plausible time.
     """
-    for unit in STAMP_UNITS_S:
-        if EARLIEST_S < value * unit < LATEST_S:
-            return value * unit
-    return None
+    return next((value * u for u in STAMP_UNITS_S if EARLIEST_S < value * u < LATEST_S), None)
 
 
 def timed(recording: Recording, period_s: float | None = None) -> tuple[Recording, list[str]]:
@@ -51,7 +48,7 @@ def timed(recording: Recording, period_s: float | None = None) -> tuple[Recordin
     steps = np.diff(times)
     if (steps < 0).any():
         order = np.argsort(times, kind="stable")
-        if not _regular(np.diff(times[order])):
+        if share_regular(np.diff(times[order])) < 1:
             before = int(steps.argmin())
             notes.append(
                 f"the clock steps back by {-steps[before]:.3g} s after {recording.names[before]}: "
@@ -119,11 +116,6 @@ def _interpolated(times: FloatArray, has_time: BoolArray) -> FloatArray:
     inside = np.interp(at, known, times[known])
     beyond = np.minimum(at - first, 0) + np.maximum(at - last, 0)
     return np.asarray(inside + beyond * usual, dtype=np.float64)
-
-
-def _regular(steps: FloatArray) -> bool:
-    usual = float(np.median(steps))
-    return bool(((steps > REGULAR[0] * usual) & (steps < REGULAR[1] * usual)).all())
 
 
 def _reordered(recording: Recording, order: IntArray) -> Recording:

@@ -29,7 +29,6 @@ from pyinfra.exchange.pose_estimation import check_region, survey, turned
 from pyinfra.exchange.rates import Shown
 from pyinfra.exchange.recording import Options
 from pyinfra.exchange.unread import has_labels, unread_files
-from pyinfra.formats.kitti.lidar import PERIOD_S
 
 # How points are levelled. `road` levels the points to the estimated road, and `as-is` leaves them
 # unchanged. `auto` selects `as-is` for points that are level by their format or labels.
@@ -126,27 +125,32 @@ def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = No
             "them"
         )
     vehicles = sum(summary.types[name] for name in VEHICLE_TYPES)
-    if summary.wide > vehicles / 2:
-        out.append(
+    outcome = "kept because of their labels" if labelled else "left out"
+    health = health_text(summary.health)
+    texts: list[tuple[object, str]] = [
+        (
+            summary.wide > vehicles / 2,
             f"{summary.wide} of {vehicles} labelled vehicles are wider than long: length and width "
-            "may be swapped"
-        )
-    if summary.without_return:
-        out.append(
-            f"removed {summary.without_return} points without a return (not finite, or 0 0 0)"
-        )
-    if summary.without_intensity:
-        out.append(f"set {summary.without_intensity} intensities to 0, which were not finite")
-    for items, kind in ((summary.left_out, "objects"), (summary.bad, "frames")):
-        if items:
-            out.append(f"left out {len(items)} {kind} that cannot be read, such as {items[0]}")
-    if text := health_text(summary.health):
-        out.append(text)
-    if summary.empty:
-        out.append(f"{_some(summary.empty)} without a return, written as empty frames")
-    if summary.doubled:
-        outcome = "kept because of their labels" if labelled else "left out"
-        out.append(f"{_some(summary.doubled)} with the same points as another frame: {outcome}")
+            "may be swapped",
+        ),
+        (
+            summary.without_return,
+            f"removed {summary.without_return} points without a return (not finite, or 0 0 0)",
+        ),
+        (
+            summary.without_intensity,
+            f"set {summary.without_intensity} intensities to 0, which were not finite",
+        ),
+        (summary.left_out, _unreadable(summary.left_out, "objects")),
+        (summary.bad, _unreadable(summary.bad, "frames")),
+        (health, health),
+        (summary.empty, f"{_some(summary.empty)} without a return, written as empty frames"),
+        (
+            summary.doubled,
+            f"{_some(summary.doubled)} with the same points as another frame: {outcome}",
+        ),
+    ]
+    out += [text for holds, text in texts if holds]
     below = summary.below_m
     if height_m is not None and below is not None and abs(below - height_m) > HEIGHT_OFF_M:
         out.append(
@@ -154,6 +158,10 @@ def warnings(summary: ImportSummary, labelled: bool, height_m: float | None = No
             f"{below:.2f} m below the sensor"
         )
     return out
+
+
+def _unreadable(items: list[str], kind: str) -> str:
+    return f"left out {len(items)} {kind} that cannot be read, such as {''.join(items[:1])}"
 
 
 def _some(names: list[str]) -> str:
@@ -207,13 +215,8 @@ def facts_of(
         )
     if price_usd is not None and not 0 <= price_usd[0] <= price_usd[1] < math.inf:
         raise Error(f"price_usd: expected 0 <= low <= high, got {price_usd}")
-    least, most = PERIOD_S
-    if period_s is not None and not least <= period_s <= most:
-        raise Error(f"period_s: expected {least:g} to {most:g}, got {period_s:g}")
     if height_m is not None:
         check_height(height_m)
-    if tilt_deg is not None and not all(abs(angle) <= 90 for angle in tilt_deg):
-        raise Error(f"tilt_deg: expected -90 to 90, got {tilt_deg}")
     return LidarFacts(
         name=out.name,
         scene=scene or out.parent.name,
@@ -228,11 +231,7 @@ def facts_of(
 
 def checked(options: Options) -> Options:
     """Returns the options unchanged. Raises Error for a number out of range."""
-    highest, columns = options.intensity_max, options.columns
+    highest = options.intensity_max
     if highest is not None and not 0 < highest < math.inf:
         raise Error(f"intensity_max: expected above 0, got {highest:g}")
-    if columns is not None and not 3 <= columns <= 64:
-        raise Error(f"columns: expected 3 to 64, got {columns}")
-    if not 1e-6 <= options.unit_m <= 1000:
-        raise Error(f"unit_m: expected 1e-06 to 1000, got {options.unit_m:g}")
     return options

@@ -9,7 +9,6 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import replace
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ import numpy as np
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import FormatError
-from pyinfra.exchange.recording import Boxes
+from pyinfra.exchange.recording import Boxes, digest_of
 from pyinfra.formats.kitti.layout import FARTHEST_M
 
 # Visible share for each `occluded_state`: not, partly and mostly occluded.
@@ -44,7 +43,7 @@ def read_json(file: Path) -> Any:
 def shown(content: object) -> str:
     """Describes the JSON value of a file in a few words."""
     if isinstance(content, dict):
-        return f"the keys {', '.join(map(str, content))[:100]}" if content else "no keys"
+        return f"the keys {', '.join(map(str, content))[:200]}" if content else "no keys"
     return "a list of other entries" if isinstance(content, list) else f"{content!r:.40}"
 
 
@@ -111,12 +110,8 @@ def boxes_of(
 
 def track_digest(files: Sequence[Path], key: str = "track_id") -> str:
     """Returns a digest of label files whose objects have a track; empty if none has one."""
-    digest, tracked = sha256(), False
-    for file in files:
-        content = file.read_bytes()
-        tracked = tracked or f'"{key}"'.encode() in content
-        digest.update(content)
-    return digest.hexdigest()[:16] if tracked else ""
+    tracked = any(f'"{key}"'.encode() in file.read_bytes() for file in files)
+    return digest_of(files) if tracked else ""
 
 
 def checked_box(location: str, values: FloatArray) -> FloatArray:
@@ -125,7 +120,9 @@ def checked_box(location: str, values: FloatArray) -> FloatArray:
     finite = np.isfinite(values).all() and np.abs(xyz).max() <= FARTHEST_M
     if not finite or sizes.min() <= LEAST_M or sizes.max() > MOST_M:
         allowed = f"sizes above {LEAST_M:g} m, up to {MOST_M:g} m, and a centre within 10 km"
-        raise FormatError(f"{location}: expected {allowed}, got sizes {sizes} and centre {xyz}")
+        raise FormatError(
+            f"{location}: expected {allowed}, got length, width, height {sizes} and centre {xyz}"
+        )
     if abs(values[6]) > 2 * math.pi + 0.01:
         raise UnitError(f"{location}: rotation: expected -2 pi to 2 pi rad, got {values[6]:g}")
     return values

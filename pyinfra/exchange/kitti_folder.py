@@ -5,15 +5,13 @@ of the benchmark's devkit.
 """
 
 from collections.abc import Sequence
-from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
-from pyinfra.core.arrays import FloatArray, Records
-from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.core.errors import FormatError
 from pyinfra.exchange.bin_columns import columns_of
-from pyinfra.exchange.known_objects import known_objects
 from pyinfra.exchange.recording import (
     NO_BOXES,
     Boxes,
@@ -21,8 +19,10 @@ from pyinfra.exchange.recording import (
     RecordedFrame,
     Recording,
     check_pairs,
+    digest_of,
     read_bin,
     read_splits,
+    selected,
     sorted_files,
     stem,
 )
@@ -61,8 +61,9 @@ def read(source: Path, options: Options) -> Recording:
         calib = training / f"calib/{names[i]}.txt"
         objects = training / f"objects/{names[i]}.csv"
         boxes = _boxes(folder / f"{names[i]}.txt", calib, objects) if folder else NO_BOXES
-        fields = training / f"fields/{names[i]}.bin"
-        return RecordedFrame(points, boxes, _fields(fields, len(points)))
+        file = training / f"fields/{names[i]}.bin"
+        fields = kitti.read_fields(file, len(points)) if file.is_file() else None
+        return RecordedFrame(points, boxes, fields)
 
     splits, notes = read_splits(source / "ImageSets", names)
     notes += [note] if note else []
@@ -80,18 +81,13 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
     `options.channel` selects one of several sequences. A row of label_02 begins with frame and
     track id.
     """
-    chosen = [path for path in sequences if options.channel in (None, path.name)]
-    if len(chosen) != 1:
-        known = ", ".join(path.name for path in sequences)
-        got = f"'{options.channel}'" if options.channel else "none"
-        raise Error(
-            f"{training / 'velodyne'}: `channel`: expected one of the sequences {known}; got {got}"
-        )
-    clouds = sorted_files(chosen[0], [".bin"])
+    known = [path.name for path in sequences]
+    sequence = sequences[selected(training / "velodyne", known, options.channel, "sequence")]
+    clouds = sorted_files(sequence, [".bin"])
     columns, note = columns_of(clouds, options)
     names = tuple(stem(file) for file in clouds)
-    file = (options.labels or training / "label_02") / f"{chosen[0].name}.txt"
-    calib = training / f"calib/{chosen[0].name}.txt"
+    file = (options.labels or training / "label_02") / f"{sequence.name}.txt"
+    calib = training / f"calib/{sequence.name}.txt"
     tracks = _tracks(file, calib) if file.is_file() else {}
     with_cloud = {int(name) for name in names if name.isdecimal()}
     lost = sorted(set(tracks) - with_cloud)
@@ -109,12 +105,11 @@ def _read_sequence(training: Path, sequences: Sequence[Path], options: Options) 
         return RecordedFrame(points, boxes)
 
     labelled = file.is_file()
-    digest = sha256(file.read_bytes()).hexdigest()[:16] if labelled else ""
     return Recording(
         names,
         frame,
         labelled,
-        tracks_sha256=digest,
+        tracks_sha256=digest_of([file]) if labelled else "",
         notes=lambda: notes,
         reads=(*clouds, file, calib),
     )
@@ -153,15 +148,6 @@ def _tracks(file: Path, calib: Path) -> dict[int, Boxes]:
     return by_frame
 
 
-def _fields(file: Path, count: int) -> Records | None:
-    records = kitti.read_fields(file) if file.is_file() else None
-    if records is not None and len(records) != count:
-        raise FormatError(
-            f"{file}: expected {count} records, as many as points, got {len(records)}"
-        )
-    return records
-
-
 def _boxes(file: Path, calib: Path, objects: Path) -> Boxes:
     calibration = kitti.read_calibration(calib) if calib.is_file() else None
     labels = kitti.read_labels(file, calibration=calibration)
@@ -169,6 +155,23 @@ def _boxes(file: Path, calib: Path, objects: Path) -> Boxes:
     if known := known_objects(objects, labels):
         return Boxes(labels.names, labels.boxes, *known)
     return Boxes(labels.names, labels.boxes, visibility=_visibility(labels.image[:, 1]))
+
+
+def known_objects(file: Path, labels: kitti.Labels) -> tuple[IntArray, FloatArray] | None:
+    """Returns ids and visibility (k,) of labels, whose objects are in `file` in the same order.
+
+    This package writes the file beside the labels, which have all objects, or those with a point.
+    Returns None if the file does not exist or has other objects. Raises FormatError.
+    """
+    if not file.is_file():
+        return None
+    objects = kitti.read_objects(file)
+    rows = np.arange(len(objects))
+    if len(rows) != len(labels):
+        rows = np.flatnonzero(objects.points > 0)
+    if not np.array_equal(objects.names[rows], labels.names):
+        return None
+    return objects.ids[rows], objects.visibility[rows]
 
 
 def _visibility(occluded: FloatArray) -> FloatArray:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
-from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from pyinfra.exchange.recording import (
     Boxes,
     Options,
     check_pairs,
+    digest_of,
     sorted_files,
     stem,
 )
@@ -84,7 +84,7 @@ def open_labels(clouds: list[Path], source: Path, options: Options) -> LabelFile
     if place.is_file() and place.suffix.lower() == ".json":
         by_cloud = read_sequence(place, [stem(cloud) for cloud in clouds])
         kept, notes = _labelled(clouds, by_cloud, f"are not in {place.name}")
-        digest = sha256(place.read_bytes()).hexdigest()[:16]
+        digest = digest_of([place])
         return LabelFiles(kept, by_cloud.__getitem__, (place,), tuple(notes), digest)
     if place.is_file():
         return _of_one_csv(clouds, place, options)
@@ -255,7 +255,4 @@ def _digest(files: Sequence[Path], options: Options) -> str:
     """Returns a digest of .csv files with a column of tracks; empty without this column."""
     if not files or read_box_csv(files[0], options.label_columns).tracks is None:
         return ""
-    digest = sha256()
-    for file in files:
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:16]
+    return digest_of(files)

@@ -17,9 +17,7 @@ file players do not set by default. Names and types of the fields are those of t
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from mcap.records import Schema
 from mcap_ros2.writer import Writer
 
@@ -97,7 +95,10 @@ def cloud(frame_id: str, frame: StoredFrame) -> Message:
         "header": header(frame.start_s, frame_id),
         "height": 1,
         "width": len(records),
-        "fields": _point_fields(records.dtype),
+        "fields": [
+            {"name": name, "offset": offset, "datatype": _DATATYPES[kind.str], "count": 1}
+            for name, (kind, offset, *_) in (records.dtype.fields or {}).items()
+        ],
         "is_bigendian": False,
         "point_step": step,
         "row_step": step * len(records),
@@ -130,11 +131,3 @@ def transforms(series: FrameSeries, frame: StoredFrame) -> Message:
             for time_s in (frame.start_s, frame.middle_s)
         ]
     }
-
-
-def _point_fields(dtype: np.dtype[Any]) -> list[Message]:
-    assert dtype.fields is not None
-    return [
-        {"name": name, "offset": offset, "datatype": _DATATYPES[kind.str], "count": 1}
-        for name, (kind, offset, *_) in dtype.fields.items()
-    ]

@@ -46,8 +46,11 @@ def times_in(names: Sequence[str]) -> FloatArray | None:
 def regularity(times: FloatArray | None) -> float:
     """Returns the share of the steps between sorted times that are close to the median step."""
     steps = np.diff(np.sort(times)) if times is not None else np.empty(0)
-    if len(steps) < 2:
-        return 0.0
+    return share_regular(steps) if len(steps) >= 2 else 0.0
+
+
+def share_regular(steps: FloatArray) -> float:
+    """Returns the share of the steps that are close to the median step."""
     usual = float(np.median(steps))
     return float(((steps > REGULAR[0] * usual) & (steps < REGULAR[1] * usual)).mean())
 

@@ -31,7 +31,7 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 
-from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.errors import FormatError
 from pyinfra.core.files import replacing, write
 from pyinfra.dataset.frames import frame_numbers
 from pyinfra.dataset.world_frame import boxes_to_world
@@ -80,10 +80,8 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     """Writes the tables, clouds and the mask to the folder `out`.
 
     The function keeps only one frame and the last annotation of each object in memory. Raises
-    FileNotFoundError for an incomplete frame, FormatError, and Error if there is no frame.
+    FileNotFoundError for an incomplete frame, and FormatError. `frames` must not be empty.
     """
-    if not frames:
-        raise Error(f"{lidar_folder}: expected one or more frames to export, got none")
     series = read_series(lidar_folder)
     for folder in (VERSION, f"samples/{CHANNEL}", "maps"):
         (out / folder).mkdir(parents=True)

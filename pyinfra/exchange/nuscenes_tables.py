@@ -20,10 +20,9 @@ from scipy.spatial.transform import Rotation
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error, FormatError
-from pyinfra.exchange.json_boxes import read_json, shown
-from pyinfra.exchange.recording import Boxes, Options, RecordedFrame, Recording, read_bin
+from pyinfra.exchange.json_boxes import checked_box, read_json, shown
+from pyinfra.exchange.recording import Boxes, Options, RecordedFrame, Recording, read_bin, selected
 from pyinfra.formats.kitti import WorldPose
-from pyinfra.formats.kitti.layout import FARTHEST_M
 
 COLUMNS = 5  # number of values per point: x y z intensity ring
 INTENSITY_MAX = 255.0
@@ -179,12 +178,8 @@ def _table_folder(source: Path) -> Path:
 def _sensor(tables: Tables, channel: str | None) -> str:
     """Returns the token of the selected LiDAR. Raises Error unless exactly one LiDAR fits."""
     lidars = [row for row in tables.rows("sensor") if row.get("modality") == "lidar"]
-    chosen = [row for row in lidars if channel in (None, row.get("channel"))]
-    if len(chosen) != 1:
-        names = ", ".join(str(row.get("channel")) for row in lidars)
-        names = f"the LiDARs {names}" if names else "none"
-        raise Error(f"{tables.folder}: expected one LiDAR, got {names}; `channel` selects one")
-    return str(chosen[0]["token"])
+    names = [str(row.get("channel")) for row in lidars]
+    return str(lidars[selected(tables.folder, names, channel)]["token"])
 
 
 def _key_frames(tables: Tables, sensor: str) -> list[Row]:
@@ -284,13 +279,9 @@ def _boxes(tables: Tables, rows: list[Row], pose: Pose) -> Boxes:
         instances.add(str(instance["token"]))
         centre = back @ (tables.numbers(table, row, "translation", 3) - pose.origin)
         width, length, height = tables.numbers(table, row, "size", 3)
-        sizes = np.array([width, length, height])
-        if np.abs(centre).max() > FARTHEST_M or sizes.min() <= 0.001 or sizes.max() > 1000:
-            allowed = "sizes above 0.001 m, up to 1000 m, and a centre within 10 km"
-            got = f"sizes {sizes} and centre {centre}"
-            raise FormatError(f"{location}: expected {allowed}, got {got}")
         ahead = back @ _rotation(tables, table, row)[:, 0]
-        boxes.append([*centre, length, width, height, np.arctan2(ahead[1], ahead[0])])
+        heading = np.arctan2(ahead[1], ahead[0])
+        boxes.append(checked_box(location, np.array([*centre, length, width, height, heading])))
         ids.append(tables.instances[str(instance["token"])])
         visibility.append(VISIBILITY.get(str(row.get("visibility_token")), 1.0))
         if own := tables.own.get(str(row["token"])):

@@ -19,7 +19,6 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
 from pyinfra.exchange.series import (
     FrameSeries,
@@ -43,10 +42,8 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
     """Writes NAME.json and the clouds to the folder `out`.
 
     The function keeps only one frame and the frame intervals of all objects in memory. Raises
-    FileNotFoundError for an incomplete frame, FormatError, and Error if there is no frame.
+    FileNotFoundError for an incomplete frame, and FormatError. `frames` must not be empty.
     """
-    if not frames:
-        raise Error(f"{lidar_folder}: expected one or more frames to export, got none")
     series, presence = read_series(lidar_folder), Presence()
     (out / "points").mkdir()
     parts: dict[str, Json | Iterable[Item]] = {

@@ -14,7 +14,7 @@ from string import Template
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.core.boxes import CAR_M, LONG_M
+from pyinfra.core.boxes import CAR_M, LONG_M, footprints
 from pyinfra.core.files import write
 from pyinfra.formats import kitti
 
@@ -60,13 +60,9 @@ class Box:
 
 def area_of(vehicles: FloatArray, reach_m: float) -> Box:
     """Returns the box that contains the vehicles (m, 7), limited by the LiDAR's range."""
-    cos, sin = np.abs(np.cos(vehicles[:, 6])), np.abs(np.sin(vehicles[:, 6]))
-    half_x = (cos * vehicles[:, 3] + sin * vehicles[:, 4]) / 2 + AROUND_M
-    half_y = (sin * vehicles[:, 3] + cos * vehicles[:, 4]) / 2 + AROUND_M
-    x, y = vehicles[:, 0], vehicles[:, 1]
-    farthest = reach_m + BEYOND_M
-    low = np.maximum([(x - half_x).min(), (y - half_y).min()], -farthest)
-    high = np.minimum([(x + half_x).max(), (y + half_y).max()], farthest)
+    corners, farthest = footprints(vehicles), reach_m + BEYOND_M
+    low = np.maximum(corners.min(axis=(0, 1)) - AROUND_M, -farthest)
+    high = np.minimum(corners.max(axis=(0, 1)) + AROUND_M, farthest)
     bottom = (vehicles[:, 2] - vehicles[:, 5] / 2).min() - MARGIN_M
     top = (vehicles[:, 2] + vehicles[:, 5] / 2).max() + MARGIN_M
     return Box(

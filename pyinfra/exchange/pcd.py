@@ -2,27 +2,20 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 
-from pyinfra.core.arrays import AnyArray, FloatArray, Points, Records, unchecked
-from pyinfra.core.errors import FormatError
+from pyinfra.core.arrays import FloatArray, Points, Records
 from pyinfra.dataset.frame_readers import read_cameras
+from pyinfra.exchange import record_clouds
 from pyinfra.exchange.box_text import write_boxes
-from pyinfra.exchange.frame_times import seconds_of_stamp
-from pyinfra.exchange.known_objects import known_objects
+from pyinfra.exchange.kitti_folder import known_objects
 from pyinfra.exchange.label_files import LabelFiles, clouds_in, open_labels
-from pyinfra.exchange.point_fields import (
-    INTENSITIES,
-    TIMES,
-    intensity_field,
-    named_fields,
-    offset_note,
-)
-from pyinfra.exchange.record_clouds import FIRST, RecordClouds, readable
-from pyinfra.exchange.recording import Options, Recording, as_points, read_splits
+from pyinfra.exchange.point_fields import INTENSITIES, TIMES, named_fields, offset_note
+from pyinfra.exchange.record_clouds import RecordClouds, readable, start_of
+from pyinfra.exchange.recording import Options, Recording, read_splits
 from pyinfra.exchange.series import point_records, read_fields
 from pyinfra.formats import kitti
 from pyinfra.formats.kitti.layout import FARTHEST_M
@@ -63,12 +56,13 @@ def read(source: Path, options: Options) -> Recording:
     raises FormatError.
     """
     labels = open_labels(clouds_in(source, [".pcd"]), source, options)
-    recording = Clouds(labels, options).recording()
+    clouds = Clouds(labels, options)
+    recording = clouds.recording()
     splits, notes = read_splits(source / "ImageSets", recording.names)
     return replace(
         recording,
         splits=splits,
-        times=lambda: stamps(labels.clouds),
+        times=clouds.times,
         notes=lambda: [*notes, *recording.notes()],
         reads=(*recording.reads, source / "ImageSets"),
     )
@@ -82,6 +76,9 @@ class Clouds(RecordClouds):
 
     def points(self, file: Path, records: Records) -> Points:
         return points_of(file, records, self.options, offset=self.fields.offset)
+
+    def start(self, records: Records) -> float:
+        return start_of(records, named_fields(records.dtype, TIMES)[:1])
 
     def recording(self) -> Recording:
         return replace(super().recording(), origin=self.origin)
@@ -132,28 +129,6 @@ def _viewpoint_note(viewpoint: Viewpoint, *, shifted: bool) -> str:
     return f"{text} and moved by {shift}"
 
 
-def stamps(clouds: Sequence[Path]) -> FloatArray | None:
-    """Returns the first time stamp of each cloud in seconds since 1970; NaN if it is missing.
-
-    Returns None if the first clouds have no time stamps.
-    """
-    if all(_stamp_of(file) is None for file in clouds[:FIRST]):
-        return None
-    return np.array([_stamp_of(file) for file in clouds], dtype=np.float64)
-
-
-def _stamp_of(file: Path) -> float | None:
-    return next((_stamp(records) for records in readable(read_pcd, [file])), None)
-
-
-def _stamp(records: Records) -> float | None:
-    name = next(iter(named_fields(records.dtype, TIMES)), None)
-    values = records[name] if name else np.empty(0)
-    values = values[np.isfinite(values) & (values > 0)]
-    return seconds_of_stamp(float(values.min())) if len(values) > 0 else None
-
-
-@unchecked
 def points_of(
     file: Path,
     records: Records,
@@ -167,23 +142,6 @@ def points_of(
     `offset` (3,) is subtracted first. With `shifted` = False, points are only rotated, so that the
     sensor stays the origin. The intensity is 0 if the file has no field for it. Raises FormatError.
     """
-    names = records.dtype.names or ()
-    if not {"x", "y", "z"} <= set(names):
-        raise FormatError(f"{file}: FIELDS: expected the fields x, y and z, got {' '.join(names)}")
-    intensity = intensity_field(records)
-    columns = [_column(file, records, name) for name in ("x", "y", "z", intensity) if name]
-    if intensity is None:
-        columns.append(np.zeros(len(records)))
-    if offset is not None and offset.any():
-        columns[:3] = [c.astype(np.float64) - o for c, o in zip(columns[:3], offset, strict=True)]
     viewpoint = read_header(file).viewpoint
-    if not viewpoint.is_identity:
-        columns[:3] = viewpoint.apply(columns[:3], shifted=shifted)
-    return as_points(file, columns, options)
-
-
-def _column(file: Path, records: Records, name: str) -> AnyArray:
-    column = records[name]
-    if column.ndim > 1:
-        raise FormatError(f"{file}: {name}: expected COUNT 1, got COUNT {column.shape[1]}")
-    return column
+    move = None if viewpoint.is_identity else partial(viewpoint.apply, shifted=shifted)
+    return record_clouds.points_of(str(file), records, options, offset, move)

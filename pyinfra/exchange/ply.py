@@ -3,16 +3,16 @@
 Follows the public description ("The PLY Polygon File Format", Greg Turk, 1994).
 """
 
-import io
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
-from pyinfra.core.arrays import AnyArray, Records
+from pyinfra.core.arrays import Records
 from pyinfra.core.errors import fail
 from pyinfra.exchange.record_clouds import read_clouds
 from pyinfra.exchange.recording import Options, Recording
+from pyinfra.formats.pcd_file import text_records
 
 TYPES = {
     "char": "i1",
@@ -53,13 +53,7 @@ def read_ply(file: Path) -> Records:
         lines = data.decode("ascii", "replace").splitlines()[:count]
         if len(lines) < count:
             fail(file, f"expected {count} vertices, got {len(lines)} lines")
-        try:
-            rows: AnyArray = np.empty(0, dtype)
-            if count:
-                rows = np.loadtxt(io.StringIO("\n".join(lines)), dtype=dtype)
-        except ValueError as error:
-            fail(file, f"vertices: {error}")
-        return np.atleast_1d(rows)
+        return text_records(file, lines, dtype, "vertices")
     if len(data) < count * dtype.itemsize:
         fail(file, f"expected {count * dtype.itemsize} bytes of vertices, got {len(data)}")
     return np.frombuffer(data, dtype, count)

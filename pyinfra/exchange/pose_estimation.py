@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pyinfra.core.arrays import FloatArray, Floats
-from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.errors import Error
 from pyinfra.dataset.ground import SHAPE_REACH_M
 from pyinfra.dataset.regions import Region
 from pyinfra.dataset.road_plane import (
@@ -25,6 +25,7 @@ from pyinfra.dataset.road_plane import (
     find_plane,
 )
 from pyinfra.exchange.data_set import LidarFacts, levelled
+from pyinfra.exchange.record_clouds import readable
 from pyinfra.exchange.recording import Options, RecordedFrame, Recording
 from pyinfra.exchange.road_shape import shape_of
 from pyinfra.exchange.units import brightest_of, unit_of, usual_intensity_max
@@ -136,11 +137,8 @@ def check_region(file: Path, region: Region, recording: Recording, estimate: Sur
     tilt = Rotation.from_euler("ZYX", [0, *(estimate.facts.tilt or (0.0, 0.0))]).as_matrix()
     chosen = _spread(recording)
     reach = 0.0
-    for i in chosen:
-        try:
-            xyz = recording.read(i).points[:, :3].astype(np.float64) @ tilt.T
-        except FormatError:  # the import reports frames that cannot be read
-            continue
+    for frame in readable(recording.read, chosen):  # the import reports the other frames
+        xyz = frame.points[:, :3].astype(np.float64) @ tilt.T
         xyz = xyz[np.isfinite(xyz).all(axis=1)]
         if region.holds(xyz, 0.0).any():
             return
@@ -160,12 +158,8 @@ def _spread(recording: Recording) -> list[int]:
 def _clouds(recording: Recording) -> list[Floats]:
     """Returns the points (k, 4) of some frames in the source's units, without invalid frames."""
     clouds: list[Floats] = []
-    for i in _spread(recording):
-        try:
-            points = recording.read(i).points
-        except FormatError:
-            continue
-        points = points[:: 1 + len(points) // MOST_POINTS]
+    for frame in readable(recording.read, _spread(recording)):
+        points = frame.points[:: 1 + len(frame.points) // MOST_POINTS]
         points = points[np.isfinite(points[:, :3]).all(axis=1) & points[:, :3].any(axis=1)]
         scale = [1 / WIDE.unit_m] * 3 + [WIDE.intensity_max or 1]
         clouds.append(points.astype(np.float64) * scale)
@@ -256,11 +250,8 @@ def _better(plane: RoadPlane, best: RoadPlane | None) -> bool:
 
 
 def _axes(turn: FloatArray) -> str:
-    names = []
-    for row in turn:
-        axis = int(np.abs(row).argmax())
-        names.append(("-" if row[axis] < 0 else "") + "xyz"[axis])
-    return ", ".join(names)
+    """Returns a text such as `-z, x, y`. Each row of `turn` has one entry of 1 or -1."""
+    return ", ".join(("-" if row.min() < 0 else "") + "xyz"[np.abs(row).argmax()] for row in turn)
 
 
 def _from_road_level(source: Path, estimate: Survey, plane: RoadPlane) -> Survey:

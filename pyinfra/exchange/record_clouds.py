@@ -66,10 +66,13 @@ class RecordClouds:
 
     def times(self) -> FloatArray | None:
         """Returns the first absolute time of each cloud, or None if the first ones have none."""
-        if all(np.isnan(start_of(records)) for records in self.fields.clouds):
+        if all(np.isnan(self.start(records)) for records in self.fields.clouds):
             return None
         first = (readable(self.read, [file]) for file in self.labels.clouds)
-        return np.array([next(map(start_of, clouds), np.nan) for clouds in first])
+        return np.array([next(map(self.start, clouds), np.nan) for clouds in first])
+
+    def start(self, records: Records) -> float:
+        return start_of(records, named_fields(records.dtype, TIMES))
 
     def notes(self) -> list[str]:
         """Describes the assumptions about offset, intensity and point times."""
@@ -91,24 +94,39 @@ def read_clouds(
 
 @unchecked
 def points_of(
-    location: str, records: Records, options: Options, offset: FloatArray | None = None
+    location: str,
+    records: Records,
+    options: Options,
+    offset: FloatArray | None = None,
+    move: Callable[[list[AnyArray]], list[AnyArray]] | None = None,
 ) -> Points:
-    """Returns the points (n, 4) of records. Raises FormatError that begins with `location`."""
+    """Returns the points (n, 4) of records. Raises FormatError that begins with `location`.
+
+    `offset` (3,) is subtracted from x, y, z, which `move` then transforms. The intensity is 0 if no
+    field has it.
+    """
     axes = [next(iter(named_fields(records.dtype, [axis])), None) for axis in "xyz"]
     if None in axes:
         names = " ".join(records.dtype.names or ())
-        raise FormatError(f"{location}: expected the fields x, y and z, got {names[:200]}")
+        raise FormatError(
+            f"{location}: expected the fields x, y and z with one value each, got {names[:200]}"
+        )
     columns: list[AnyArray] = [records[name].astype(np.float64) for name in axes if name]
     if offset is not None and offset.any():
         columns = [column - o for column, o in zip(columns, offset, strict=True)]
+    if move is not None:
+        columns = move(columns)
     intensity = intensity_field(records)
     columns.append(np.zeros(len(records)) if intensity is None else records[intensity])
     return as_points(Path(location), columns, options)
 
 
-def start_of(records: Records) -> float:
-    """Returns the minimum absolute time of points in seconds since 1970, or NaN."""
-    for name in named_fields(records.dtype, TIMES):
+def start_of(records: Records, names: Sequence[str]) -> float:
+    """Returns the minimum absolute time of points in seconds since 1970, or NaN.
+
+    The time is that of the first of the named fields that has absolute times.
+    """
+    for name in names:
         values = records[name]
         values = values[np.isfinite(values) & (values > 0)]
         if len(values) > 0 and (start := seconds_of_stamp(float(values.min()))) is not None:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -209,6 +210,27 @@ def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
                 f"{file}: expected a label file for each cloud, got none for this cloud; write an "
                 "empty label file for a cloud without objects"
             )
+
+
+def selected(where: Path, names: Sequence[str], channel: str | None, what: str = "LiDAR") -> int:
+    """Returns the position of the name that is `channel`; None selects the only name.
+
+    Raises Error unless exactly one of the names fits.
+    """
+    fitting = [i for i, name in enumerate(names) if channel in (None, name)]
+    if len(fitting) != 1:
+        wanted = f"{what} '{channel}'" if channel else what
+        got = f"the {what}s {', '.join(names)}" if names else "none"
+        raise Error(f"{where}: expected one {wanted}, got {got}; `channel` selects one")
+    return fitting[0]
+
+
+def digest_of(files: Sequence[Path]) -> str:
+    """Returns a digest of the content of files, one after the other."""
+    digest = sha256()
+    for file in files:
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
 
 
 def stem(file: Path) -> str:

@@ -82,7 +82,7 @@ def cloud_records(location: str, message: Any) -> Records:
             f"{location}: expected fields within the point_step, got {max(ends, default=0)} bytes "
             f"of fields in {step} bytes"
         )
-    data = np.frombuffer(bytes(message.data), dtype=np.uint8)
+    data = bytes(message.data)
     row = int(message.row_step) if height > 1 else width * step
     size = row * (height - 1) + width * step if width and height else 0
     if row < width * step or len(data) < size:
@@ -90,14 +90,7 @@ def cloud_records(location: str, message: Any) -> Records:
             f"{location}: expected {size} bytes of points ({width} x {height}), got {len(data)}"
         )
     record = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": step})
-    if size == 0:
-        return np.empty(0, dtype=record)
-    if row == width * step:
-        return np.frombuffer(data[:size].tobytes(), dtype=record)
-    padded = np.zeros(row * height, dtype=np.uint8)
-    padded[:size] = data[:size]
-    rows = padded.reshape(height, row)[:, : width * step]
-    return np.frombuffer(rows.tobytes(), dtype=record)
+    return np.ndarray((height, width), record, data, strides=(row, step)).ravel()
 
 
 def livox_records(location: str, raw: bytes, *, is_ros2: bool) -> Records:
@@ -120,11 +113,7 @@ def livox_records(location: str, raw: bytes, *, is_ros2: bool) -> Records:
     size = max(step * (count - 1) + 19, 0)
     if len(raw) - at < size or size > len(raw):
         raise FormatError(f"{location}: expected {size} bytes of points, got {len(raw) - at}")
-    kind = np.dtype(LIVOX_FIELDS, align=False)
-    if count == 0:
-        return np.empty(0, dtype=kind)
-    rows = np.frombuffer(raw[at : at + size] + bytes(step - 19), dtype=np.uint8)
-    return np.frombuffer(rows.reshape(count, step)[:, :19].tobytes(), dtype=kind)
+    return np.ndarray(count, np.dtype(LIVOX_FIELDS), raw, at, strides=(step,)).copy()
 
 
 @dataclass(frozen=True, eq=False)

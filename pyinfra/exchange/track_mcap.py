@@ -27,7 +27,7 @@ from pyinfra.exchange.ros_definitions import (
     xyz,
 )
 from pyinfra.exchange.series import nanoseconds
-from pyinfra.exchange.track_openlabel import FrameTracks
+from pyinfra.exchange.track_files import FrameTracks
 
 DETECTIONS, MARKERS = "vision_msgs/msg/Detection3DArray", "visualization_msgs/msg/MarkerArray"
 COLOUR = {"r": 0.0, "g": 0.62, "b": 0.45, "a": 0.5}

@@ -7,11 +7,10 @@ cloud. The cloud is tilted like the LiDAR, so the import estimates the road from
 
 from pathlib import Path
 
-from pyinfra.core.errors import Error
 from pyinfra.exchange.cuboids import read_cuboids
 from pyinfra.exchange.label_files import paired_labels
 from pyinfra.exchange.pcd import Clouds
-from pyinfra.exchange.recording import Options, Recording, sorted_files
+from pyinfra.exchange.recording import Options, Recording, selected, sorted_files
 
 CLOUDS = ("point_clouds", "_point_clouds", "_points_clouds", "_points")
 LABELS = ("labels_point_clouds", "_labels_point_clouds", "_labels")
@@ -38,13 +37,9 @@ def _cloud_folder(source: Path, channel: str | None) -> Path:
     if inside is None:
         return source
     lidars = sorted(folder for folder in inside.iterdir() if folder.is_dir())
-    chosen = [folder for folder in lidars if channel in (None, folder.name)]
     if not lidars:
         return inside
-    if len(chosen) != 1:
-        names = ", ".join(folder.name for folder in lidars)
-        raise Error(f"{inside}: expected one LiDAR, got the LiDARs {names}; `channel` selects one")
-    return chosen[0]
+    return lidars[selected(inside, [folder.name for folder in lidars], channel)]
 
 
 def _label_folder(clouds: Path) -> Path | None:

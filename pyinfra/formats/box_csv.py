@@ -6,17 +6,16 @@ columns comes first. All boxes are in the LiDAR frame, in metres.
 
 import csv
 import io
-import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, IntArray, NameArray
 from pyinfra.core.errors import FormatError
-from pyinfra.formats.text_table import MOST_RADIANS, lines_of
+from pyinfra.formats.text_table import MOST_RADIANS, ColumnRule, NumberRows, between, lines_of
 
 # Accepted column names for each key. They are compared in lower case and without signs other than
 # letters and digits.
@@ -66,16 +65,13 @@ def read_box_csv(file: Path, columns: Mapping[str, str] | None = None) -> BoxTab
     rows, lines, header = _cells(file)
     column_of = _columns(file, header, columns or {})
     at = {key: header.index(name) for key, name in column_of.items()}
-
-    def numbers(key: str) -> FloatArray:
-        return _numbers(file, [row[at[key]] for row in rows], lines, column_of[key])
-
-    values = {key: numbers(key) for key in column_of if key not in ("frame", "class", "id")}
-    for key in SIZES:
-        _check(file, lines, column_of[key], values[key], 0.001, MOST_M)
-    for key in ("x", "y", "z", "z_bottom"):
-        if key in values:
-            _check(file, lines, column_of[key], values[key], -FARTHEST_M, FARTHEST_M)
+    keys = [key for key in column_of if key not in ("frame", "class", "id")]
+    cells = [[row[at[key]] for key in keys] for row in rows]
+    table = NumberRows(file, lines, cells, [column_of[key] for key in keys])
+    table.check([_metres([column_of[key] for key in SIZES], 0.001, MOST_M)])
+    positions = [column_of[key] for key in ("x", "y", "z", "z_bottom") if key in column_of]
+    table.check([_metres(positions, -FARTHEST_M, FARTHEST_M)])
+    values = {key: table[column_of[key]] for key in keys}
     if "z" not in values:
         values["z"] = values["z_bottom"] + values["height"] / 2
     if "yaw" not in values:
@@ -197,23 +193,6 @@ def _columns(file: Path, header: Sequence[str], given: Mapping[str, str]) -> dic
     return found
 
 
-def _numbers(file: Path, cells: Sequence[str], lines: Sequence[int], name: str) -> FloatArray:
-    values = []
-    for cell, line in zip(cells, lines, strict=True):
-        try:
-            value = float(cell)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise FormatError(f"{file}:{line}: {name}: expected a finite number, got '{cell[:40]}'")
-        values.append(value)
-    return np.array(values, dtype=np.float64)
-
-
-def _check(
-    file: Path, lines: Sequence[int], name: str, values: FloatArray, low: float, high: float
-) -> None:
-    bad = np.flatnonzero(~((values >= low) & (values <= high)))
-    if len(bad) > 0:
-        at = f"{file}:{lines[int(bad[0])]}: {name}"
-        raise FormatError(f"{at}: expected {low:g} to {high:g} m, got {values[bad[0]]:g}")
+def _metres(columns: Sequence[str], low: float, high: float) -> ColumnRule:
+    rule = between(columns, low, high)
+    return replace(rule, allowed=f"{rule.allowed} m")

@@ -144,18 +144,17 @@ def _read_header(file: Path, stream: BinaryIO) -> Header:
     if not points.isdecimal() or len(points) > len(str(MOST_POINTS)):
         got = points[:20]
         fail(file, f"POINTS: expected a whole number from 0 to {MOST_POINTS}, got '{got}'")
+    viewpoint = words.get("VIEWPOINT", "0 0 0 1 0 0 0".split())
     return Header(
         file,
         record,
         int(points),
         words["DATA"][0],
-        _viewpoint(file, words.get("VIEWPOINT", []), lines.get("VIEWPOINT")),
+        _viewpoint(file, viewpoint, lines.get("VIEWPOINT")),
     )
 
 
 def _viewpoint(file: Path, words: list[str], line: int | None) -> Viewpoint:
-    if not words:
-        return Viewpoint(np.zeros(3), np.eye(3))
     try:
         values = np.array(words, dtype=np.float64)
     except ValueError:
@@ -165,9 +164,8 @@ def _viewpoint(file: Path, words: list[str], line: int | None) -> Viewpoint:
         fail(file, f"VIEWPOINT: expected 7 finite numbers up to {FARTHEST:g}, got '{got}'", line)
     shift, (w, x, y, z) = values[:3], values[3:]
     length = float(np.linalg.norm(values[3:]))
-    if length == 0:  # some programs write a quaternion of zeros
-        return Viewpoint(shift, np.eye(3))
-    if not QUATERNION[0] <= length <= QUATERNION[1]:
+    # Some programs write a quaternion of zeros.
+    if length != 0 and not QUATERNION[0] <= length <= QUATERNION[1]:
         fail(file, f"VIEWPOINT: expected a quaternion of length 1, got {length:g}", line)
     turn = np.eye(3) if x == y == z == 0 else Rotation.from_quat([x, y, z, w]).as_matrix()
     return Viewpoint(shift, turn)
@@ -204,12 +202,17 @@ def _ascii(header: Header, stream: BinaryIO) -> Records:
     lines = [line for line in lines if line.strip()]
     if len(lines) != header.points:
         fail(header.file, f"expected {header.points} points, got {len(lines)}")
+    return text_records(header.file, lines, header.record, "points")
+
+
+def text_records(file: Path, lines: list[str], record: np.dtype[np.void], what: str) -> Records:
+    """Reads lines of numbers into records (n,). `what` describes them in a FormatError."""
     if not lines:
-        return np.empty(0, dtype=header.record)
+        return np.empty(0, dtype=record)
     try:
-        return np.atleast_1d(np.loadtxt(io.StringIO("\n".join(lines)), dtype=header.record))
+        return np.atleast_1d(np.loadtxt(io.StringIO("\n".join(lines)), dtype=record))
     except ValueError as error:
-        fail(header.file, f"points: {error}")
+        fail(file, f"{what}: {error}")
 
 
 def _binary(header: Header, stream: BinaryIO) -> Records:

@@ -88,36 +88,22 @@ def is_whole(data: bytes) -> bool:
     return not data or data.endswith(b"\n")
 
 
-class NamedRows:
-    """Rows of numbers with one column of names. Errors name file, line and column.
+class NumberRows:
+    """Rows of numbers. Errors name file, line and column.
 
     `lines` contains the line number of each row in the file.
     """
 
     def __init__(
-        self,
-        file: Path,
-        lines: Sequence[int],
-        rows: Sequence[Sequence[str]],
-        columns: Sequence[str],
-        name_column: str,
+        self, file: Path, lines: Sequence[int], cells: Sequence[Sequence[str]], columns: list[str]
     ) -> None:
-        self.file, self.lines = file, lines
-        self.columns = [c for c in columns if c != name_column]
-        at = columns.index(name_column)
-        for i, row in enumerate(rows):
-            if len(row) != len(columns):
-                self.fail(i, f"{len(row)}", f"{len(columns)} columns ({' '.join(columns)})")
-            if not row[at]:
-                self.fail(i, "an empty cell", "a name", name_column)
-        self.names: NameArray = np.array([row[at] for row in rows], dtype=np.str_)
-        cells = [[*row[:at], *row[at + 1 :]] for row in rows]
+        self.file, self.lines, self.columns = file, lines, columns
         try:
-            values = np.array(cells, dtype=np.float64).reshape(len(rows), len(self.columns))
+            values = np.array(cells, dtype=np.float64).reshape(len(cells), len(columns))
         except ValueError:
             self._fail_at_word(cells)
         self.values: FloatArray = values
-        self.check([ColumnRule(tuple(self.columns), np.isfinite, "a finite number")])
+        self.check([ColumnRule(tuple(columns), np.isfinite, "a finite number")])
 
     def __getitem__(self, column: str) -> FloatArray:
         return self.values[:, self.columns.index(column)]
@@ -144,6 +130,29 @@ class NamedRows:
                 except ValueError:
                     self.fail(i, f"'{cell}'", "a number", column)
         raise AssertionError(cells)
+
+
+class NamedRows(NumberRows):
+    """Rows of numbers with one column of names."""
+
+    def __init__(
+        self,
+        file: Path,
+        lines: Sequence[int],
+        rows: Sequence[Sequence[str]],
+        columns: Sequence[str],
+        name_column: str,
+    ) -> None:
+        self.file, self.lines = file, lines
+        at = columns.index(name_column)
+        for i, row in enumerate(rows):
+            if len(row) != len(columns):
+                self.fail(i, f"{len(row)}", f"{len(columns)} columns ({' '.join(columns)})")
+            if not row[at]:
+                self.fail(i, "an empty cell", "a name", name_column)
+        self.names: NameArray = np.array([row[at] for row in rows], dtype=np.str_)
+        cells = [[*row[:at], *row[at + 1 :]] for row in rows]
+        super().__init__(file, lines, cells, [c for c in columns if c != name_column])
 
 
 def rows_by_name(

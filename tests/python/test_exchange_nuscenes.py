@@ -13,6 +13,7 @@ from nuscenes_reader import Database
 
 from pyinfra.core.errors import FormatError
 from pyinfra.exchange import nuscenes
+from pyinfra.exchange.exports import export
 from pyinfra.formats import kitti
 
 
@@ -173,4 +174,4 @@ def test_a_broken_frame_is_named_and_leaves_no_table(tmp_path: Path) -> None:
 
 def test_no_frame_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="expected one or more frames to export, got none"):
-        nuscenes.export(write_recording(tmp_path), [], tmp_path)
+        export(write_recording(tmp_path), [], "nuscenes", tmp_path / "out")

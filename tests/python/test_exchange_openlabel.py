@@ -23,6 +23,7 @@ from exchange_data import (
 
 from pyinfra.core.errors import FormatError
 from pyinfra.exchange import openlabel
+from pyinfra.exchange.exports import export
 from pyinfra.formats import kitti
 
 
@@ -154,4 +155,4 @@ def test_a_broken_frame_is_named_and_leaves_no_labels(tmp_path: Path) -> None:
 
 def test_no_frame_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="expected one or more frames to export, got none"):
-        openlabel.export(write_recording(tmp_path), [], tmp_path)
+        export(write_recording(tmp_path), [], "openlabel", tmp_path / "out")

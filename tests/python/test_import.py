@@ -272,7 +272,7 @@ WRONG_TABLES: dict[str, tuple[str, Callable[[Any], Any], str]] = {
     "no width": (
         "sample_annotation",
         lambda rows: [rows[0] | {"size": [0, 1, 1]}],
-        r"expected sizes above .*, got sizes \[0\. 1\. 1\.\] and",
+        r"expected sizes above .*, got length, width, height \[1\. 0\. 1\.\] and",
     ),
     "NUL": ("sample_data", lambda rows: [rows[0] | {"filename": "a\0b"}], "expected a file inside"),
     "no category": ("category", lambda rows: [{"token": "c"}], "expected the key 'name', got none"),
@@ -505,8 +505,10 @@ def test_a_sequence_of_the_tracking_benchmark_keeps_its_tracks(tmp_path: Path) -
         "Tr_velo_cam 0 -1 0 0 0 0 -1 -0.08 1 0 0 -0.27\nTr_imu_velo 1 0 0 0 0 1 0 0 0 0 1 0\n"
     )
     source, out = tmp_path / "source", tmp_path / "in/pole"
-    with pytest.raises(ValueError, match=r"expected one of the sequences 0000, 0001"):
+    with pytest.raises(ValueError, match=r"expected one sequence, got the sequences 0000, 0001"):
         import_recording(source, "kitti", out, FACTS, Options())
+    with pytest.raises(ValueError, match="expected one sequence '0009', got the sequences 0000, "):
+        import_recording(source, "kitti", out, FACTS, Options(channel="0009"))
     summary, labelled = import_recording(source, "kitti", out, FACTS, Options(channel="0001"))
     assert labelled
     assert "1 labelled frames, such as 3, have no cloud and are left out" in summary.assumed

@@ -330,7 +330,7 @@ def test_frame_without_vehicles_has_none(tmp_path: Path) -> None:
             ":1: expected ..., got 'id,class,x,y,z,dx,dy,dz,heading,speed,points",
         ),
         (f"{HEADER},pitch\n{VEHICLE},9\n", ":2: pitch: expected -2 pi to 2 pi, in radians, got 9"),
-        (f"{HEADER},pitch\n{VEHICLE}\n", ":2: expected 20 columns ..., got 19"),
+        (f"{HEADER},pitch\n{VEHICLE}\n", ":2: expected 21 columns ..., got 20"),
         (f"{HEADER},pitch\n{VEHICLE},up\n", ":2: pitch: expected a number, got 'up'"),
         (f"{HEADER}\n{VEHICLE.replace('10.7', '20')}\n", ":2: distance: expected ..., got 20"),
         (f"{HEADER}\n{VEHICLE.replace('7,', '1e99,', 1)}\n", ":2: id: expected ..., got 1e+99"),

@@ -354,7 +354,7 @@ ROW = "1,2,3,4,2,1.5,0"
         ("x,y,z,l,w,h,yaw\n1,2,3,4,2,1.5,90\n", {}, "yaw: expected radians.*`yaw_deg=yaw`"),
         ("x,y,z,l,w,h,yaw\n1,2,3,0,2,1.5,1\n", {}, ":2: l: expected 0.001 to 1000 m, got 0"),
         ("x,y,z,l,w,h,yaw\n1,2,3e5,4,2,1.5,1\n", {}, ":2: z: expected -10000 to 10000 m"),
-        ("x,y,z,l,w,h,yaw\n1,2,,4,2,1.5,1\n", {}, ":2: z: expected a finite number, got ''"),
+        ("x,y,z,l,w,h,yaw\n1,2,,4,2,1.5,1\n", {}, ":2: z: expected a number, got ''"),
         (f"x,y,z,l,w,h,yaw\n{ROW},9\n", {}, ":2: expected 7 columns, got 8"),
         ("", {}, "got an empty file"),
     ],

@@ -55,7 +55,7 @@ def _angle(column: str) -> ColumnRule:
 
 OBJECT_NUMBERS = tuple(name for name in OBJECT_COLUMNS if name != "class")
 BOX_RULES = (_position("x y z"), _sides("dx dy dz"), _angle("heading"))
-OBJECT_RULES = (
+OBJECT_RULES: tuple[ColumnRule, ...] = (
     *BOX_RULES,
     between(["speed"], 0, 1000),
     _position("scan_x scan_y scan_z"),
@@ -116,7 +116,8 @@ def read_fields(file: Path, count: int | None = None) -> Records:
     `time_s` counts from the start of the frame. `ring` is 0 at the lowest elevation. `class` is the
     class of the object, or the material of the background. `echo` is 1 for the second point of a
     ray. `object_id` is -1 for background.
-    Raises FormatError if the file is truncated, or does not have `count` records.
+    count: number of points; None does not compare it with that of the records. Raises FormatError
+    if the file is truncated, or has another number of records.
     """
     fields = _records(file, FIELDS, "time_s ring class echo object_id")
     if count is not None and len(fields) != count:
@@ -126,6 +127,7 @@ def read_fields(file: Path, count: int | None = None) -> Records:
     return fields
 
 
+PITCHED_RULES = (*OBJECT_RULES, _angle(PITCH_COLUMN))
 PITCHED_HEADER = ",".join([*OBJECT_COLUMNS, PITCH_COLUMN])
 
 
@@ -147,18 +149,17 @@ def read_objects(file: Path) -> Objects:
     """
     lines = lines_of(file, whole=True)
     header = lines[0] if lines else ""
-    rows = object_rows(header, lines[1:])
-    if rows is None:
-        columns = ",".join(OBJECT_COLUMNS)
+    columns = ",".join(OBJECT_COLUMNS)
+    if header not in (columns, PITCHED_HEADER):
         raise FormatError(f"{file}:1: expected the header '{columns}', got '{header}'")
-    table = NamedRows(file, range(2, 2 + len(rows)), rows, OBJECT_COLUMNS, "class")
-    table.check(OBJECT_RULES)
+    rows = [line.split(",") for line in lines[1:]]
+    table = NamedRows(file, range(2, 2 + len(rows)), rows, header.split(","), "class")
+    table.check(PITCHED_RULES if header == PITCHED_HEADER else OBJECT_RULES)
     known = np.flatnonzero(table["id"] >= 0)
     ids, first = np.unique(table["id"][known], return_index=True)
     if len(ids) < len(known):
         again = int(np.delete(known, first).min())
         table.fail(again, f"{table['id'][again]:.0f} twice", "each id once per frame", "id")
-    pitch = _pitch(file, lines) if header == PITCHED_HEADER else None
     boxes = np.stack([table[c] for c in OBJECT_COLUMNS[2:9]], axis=1)
     scan = np.stack([table[c] for c in SCAN_COLUMNS[:4]], axis=1)
     return Objects(
@@ -173,16 +174,8 @@ def read_objects(file: Path) -> Objects:
         scan_boxes=scan_boxes(boxes, scan),
         scan_time_s=table["scan_time_s"],
         points_in_scan_box=table["points_in_scan_box"].astype(np.int64),
-        pitch=pitch,
+        pitch=table[PITCH_COLUMN] if header == PITCHED_HEADER else None,
     )
-
-
-def _pitch(file: Path, lines: Sequence[str]) -> FloatArray:
-    """Returns the pitch (k,) from the last cell of each row."""
-    cells = [["row", line.rsplit(",", 1)[-1]] for line in lines[1:]]
-    table = NamedRows(file, range(2, 1 + len(lines)), cells, ["row", PITCH_COLUMN], "row")
-    table.check((_angle(PITCH_COLUMN),))
-    return table[PITCH_COLUMN]
 
 
 def scan_boxes(boxes: FloatArray, scan: FloatArray) -> FloatArray:

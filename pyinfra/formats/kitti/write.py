@@ -16,12 +16,18 @@ from pyinfra.formats.kitti.layout import (
     FARTHEST_M,
     FIELDS,
     OBJECT_COLUMNS,
+    PITCH_COLUMN,
     Labels,
     Objects,
     Part,
     frame_file,
 )
-from pyinfra.formats.kitti.read import OBJECT_NUMBERS, OBJECT_RULES, PITCHED_HEADER
+from pyinfra.formats.kitti.read import (
+    OBJECT_NUMBERS,
+    OBJECT_RULES,
+    PITCHED_HEADER,
+    PITCHED_RULES,
+)
 from pyinfra.formats.text_table import columns_of, violations
 
 # Format of a line with the values of OBJECT_COLUMNS.
@@ -63,26 +69,24 @@ def write_objects(file: Path, objects: Objects) -> None:
     Raises Error for values that `read_objects` would reject.
     """
     o = objects
-    pitch = o.pitch
     pose = o.scan_boxes[:, [0, 1, 2, 6]]
     values = [*o.boxes.T, o.speed, o.points, o.points_in_box, o.distance, o.visibility]
     values += [*pose.T, o.scan_time_s, o.points_in_scan_box]
-    column = columns_of(np.column_stack([o.ids, *values]), OBJECT_NUMBERS)
-    for name, allowed, wrong in violations(column, OBJECT_RULES):
+    header, rules, line = ",".join(OBJECT_COLUMNS), OBJECT_RULES, _OBJECT_LINE
+    if o.pitch is not None:
+        header, rules, line = PITCHED_HEADER, PITCHED_RULES, f"{line},{{:.6f}}"
+        values.append(o.pitch)
+    column = columns_of(np.column_stack([o.ids, *values]), (*OBJECT_NUMBERS, PITCH_COLUMN))
+    for name, allowed, wrong in violations(column, rules):
         if wrong.any():
             row = int(wrong.argmax())
             raise Error(
                 f"objects: {name}: expected {allowed}, got {column(name)[row]:g} for object {row}"
             )
-    if pitch is not None and (wrong := ~(np.abs(pitch) <= 2 * np.pi)).any():
-        raise Error(f"objects: expected a pitch from -2 pi to 2 pi, got {pitch[wrong][0]:g}")
     known, repeats = np.unique(o.ids[o.ids >= 0], return_counts=True)
     if (repeats > 1).any():
         raise Error(f"objects: expected each id once per frame, got {known[repeats > 1][0]} twice")
-    header, line, columns = ",".join(OBJECT_COLUMNS), _OBJECT_LINE, [o.ids, o.names, *values]
-    if pitch is not None:
-        header, line, columns = PITCHED_HEADER, f"{line},{{:.6f}}", [*columns, pitch]
-    rows = zip(*columns, strict=True)
+    rows = zip(o.ids, o.names, *values, strict=True)
     lines = [header, *(line.format(*row) for row in rows)]
     write(file, "".join(f"{line}\n" for line in lines))
 

@@ -17,7 +17,6 @@ from pyinfra.core.arrays import (
     Points,
     Records,
 )
-from pyinfra.core.errors import FormatError
 from pyinfra.core.progress import track
 from pyinfra.core.vocabulary import KM_H
 from pyinfra.dataset.frame_readers import read_cameras, read_predictions, read_vehicles
@@ -123,12 +122,7 @@ def _in_world(points: Floats, pose: WorldPose) -> FloatArray:
 
 def _fields(lidar_folder: Path, frame: int, points: int) -> Records | None:
     file = kitti.frame_file(lidar_folder, "fields", frame)
-    if not file.is_file():
-        return None
-    fields = kitti.read_fields(file)
-    if len(fields) != points:
-        raise FormatError(f"{file}: expected {points} records, as in velodyne, got {len(fields)}")
-    return fields
+    return kitti.read_fields(file, points) if file.is_file() else None
 
 
 def _of_tracks(tracks: pd.DataFrame, frame: int, pose: WorldPose) -> Labels:
