@@ -101,30 +101,40 @@ def draw_prices(rows: pd.DataFrame) -> Figure:
 
 
 def rows_of_detectors() -> pd.DataFrame:
-    """Returns AP and milliseconds of a frame by detector and LiDAR, on the highway."""
-    aps, _, times = means_of_detectors(*DETECTOR_SCENE)
+    """Returns AP, milliseconds of a frame and CPU seconds of training by detector and LiDAR.
+
+    The scene is DETECTOR_SCENE. A detector that is not trained has 0 s.
+    """
+    aps, training, times = means_of_detectors(*DETECTOR_SCENE)
     rows = [
-        (TRAINED[key], LIDARS[lidar], times[key], aps.loc[key, lidar])
+        (TRAINED[key], LIDARS[lidar], times[key], training.fillna(0)[key], aps.loc[key, lidar])
         for key in TRAINED
         if key in aps.index and key in times.index
         for lidar in (WIDE, AVIA)
     ]
-    return pd.DataFrame(rows, columns=["series", "lidar", "x", "value"])
+    return pd.DataFrame(rows, columns=["series", "lidar", "frame_ms", "training_s", "value"])
 
 
 def draw_detectors(rows: pd.DataFrame) -> Figure:
-    figure, ax = _empty()
-    for number, (name, part) in enumerate(rows.groupby("series", sort=False)):
-        style: Any = {"color": COLOURS[number % len(COLOURS)], "marker": MARKERS[number]}
-        ax.plot(part.x, part.value, linewidth=0.6, markersize=0, **style)
-        for lidar, row in part.set_index("lidar").iterrows():
-            filled = lidar == LIDARS[WIDE]
-            label = str(name) if filled else None
-            face = style["color"] if filled else "none"
-            ax.plot(row.x, row.value, linestyle="none", markerfacecolor=face, label=label, **style)
-    label = "AP (R1000) of captured vehicles\nfilled: 128 lines, empty: Avia"
-    ax.set(xscale="log", xlabel="time of a frame on one thread, ms", ylabel=label)
-    return _finished(figure, ax)
+    """Draws AP against the time of a frame and against the time of training."""
+    figure = Figure(figsize=SIZE_IN, layout="constrained")
+    panels = figure.subplots(1, 2, sharey=True)
+    for ax, x in zip(panels, ("frame_ms", "training_s"), strict=True):
+        for number, (name, part) in enumerate(rows.groupby("series", sort=False)):
+            style: Any = {"color": COLOURS[number % len(COLOURS)], "marker": MARKERS[number]}
+            ax.plot(part[x], part.value, linewidth=0.6, markersize=0, **style)
+            for lidar, row in part.set_index("lidar").iterrows():
+                filled = lidar == LIDARS[WIDE]
+                style["markerfacecolor"] = style["color"] if filled else "none"
+                label = str(name) if filled else None
+                ax.plot(row[x], row.value, linestyle="none", label=label, **style)
+    panels[0].set(xscale="log", xlabel="time of a frame on one thread, ms")
+    panels[0].set_ylabel("AP (R1000) of captured vehicles\nfilled: 128 lines, empty: Avia")
+    panels[1].set_xscale("symlog", linthresh=10, linscale=0.3)
+    panels[1].set_xticks([0, 10, 100, 1000], ["0", "10", "100", "1,000"])
+    panels[1].set(xlabel="time of training, CPU s", xlim=(-3, None))
+    panels[1].grid(alpha=0.3, linewidth=0.4)
+    return _finished(figure, panels[0])
 
 
 def rows_of_stress() -> pd.DataFrame:
