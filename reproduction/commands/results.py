@@ -4,12 +4,11 @@ A file is up to date if results/steps.csv has the keys of all its parts. A key h
 command, the number of the simulator's frames, the version of the command (`engine.VERSIONS`), the
 digest of the pretrained detector if the command uses it, and the files that the command reads.
 
-    python -m reproduction results --list
-    python -m reproduction results claims.csv people.csv --jobs 2
-
 A stopped run resumes. In another clone it resumes if results/parts/ was committed. Independent
 parts run side by side, in processes of this machine or of a Dask cluster. Commands that
 measure times run alone after them.
+
+examples: python -m reproduction results --list; python -m reproduction results claims.csv --jobs 2
 """
 
 from collections.abc import Sequence
