@@ -87,7 +87,7 @@ def scored_boxes(
     """Returns scores (n,) and correctness (n,) of boxes, and the number of objects.
 
     Only boxes and objects of the classes `names` are used. shown: classes of the returned boxes;
-    all of `names` if empty
+    all of `names` if empty.
     """
     margin_m = 0.0 if names == VEHICLES else FOOTWAYS_M
     numbers = [CLASSES.index(name) for name in names]

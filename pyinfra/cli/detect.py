@@ -234,12 +234,12 @@ def _check(args: argparse.Namespace) -> None:
             f"frames, use --max-frames {args.frames}",
         ),
         (args.frames and args.split, "--frames: use --frames or --split, not both"),
-        (
-            not args.model.exists() and args.model.name == model and model not in shipped(),
-            "--model: expected an output folder of `pyinfra train`, a model file or the name of a "
-            f"pretrained detector, got '{model}'{suggestion(model, shipped())}",
-        ),
     )
+    if not args.model.exists() and args.model.name == model and model not in shipped():
+        raise Error(
+            "--model: expected an output folder of `pyinfra train`, a model file or the name of a "
+            f"pretrained detector, got '{model}'{suggestion(model, shipped())}"
+        )
     folders = [path for path in args.inputs if path.is_dir()]
     if folders and len(args.inputs) > 1:
         raise Error(

@@ -46,7 +46,10 @@ def fail(file: Path, what: str, line: int | None = None) -> NoReturn:
 
 
 def refuse(*faults: tuple[object, str]) -> None:
-    """Raises Error with the text of the first fault whose condition holds."""
+    """Raises Error with the text of the first fault whose condition holds.
+
+    All conditions and texts are evaluated before the first check, so they must be cheap and valid.
+    """
     for is_fault, text in faults:
         if is_fault:
             raise Error(text)

@@ -85,7 +85,7 @@ def plan(scene: Scene) -> Figure:
     window = window_around([road.outline for road in scene.around.roads])
     width, height = window.shape()
     with mpl.rc_context(STYLE):
-        size = (8.5, 0.93 * 8.5 * height / width + 1.1)  # inches, with room for stations
+        size = (8.5, 0.93 * 8.5 * height / width + 1.1)  # inches, with space for stations
         figure = Figure(figsize=size, layout="constrained")
         axes = figure.subplots()
         views: dict[str, dict[str, Any]] = {}

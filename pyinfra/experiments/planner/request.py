@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import BoolArray, FloatArray
-from pyinfra.core.errors import Error, FormatError, refuse
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.progress import show_line
 from pyinfra.core.vocabulary import Preset
 from pyinfra.dataset.frames import PERIOD_S
@@ -110,23 +110,19 @@ def check_request(request: Request, effort: Effort, law: Detectability) -> None:
     """Checks what ranges alone do not. Raises Error."""
     find, count, people = request.find, effort.count, request.people
     share = f"; it is a share, not percent: {find / 100:g}" if 1 < find <= 100 else ""
-    refuse(
-        (not 0 <= find <= 1, f"find: expected 0 to 1, got {find:g}{share}"),
-        (
-            not request.false_per_minute > 0,
-            f"false_per_minute: expected more than 0, got {request.false_per_minute}",
-        ),
-        (effort.jobs == 0, "jobs: expected 1 or more, or -1 for all cores, got 0"),
-        (
-            count is not None and not 0 < count <= 1,
-            f"count: expected more than 0, at most 1, got {count or 0:g}",
-        ),
-        (
-            people > 0 and law.people is None,
+    if not 0 <= find <= 1:
+        raise Error(f"find: expected 0 to 1, got {find:g}{share}")
+    if not request.false_per_minute > 0:
+        raise Error(f"false_per_minute: expected more than 0, got {request.false_per_minute}")
+    if effort.jobs == 0:
+        raise Error("jobs: expected 1 or more, or -1 for all cores, got 0")
+    if count is not None and not 0 < count <= 1:
+        raise Error(f"count: expected more than 0, at most 1, got {count:g}")
+    if people > 0 and law.people is None:
+        raise Error(
             f"people: expected 0 for the detector {law.detector}, which detects no pedestrians, "
-            f"got {people:g}; the detector generalist detects them",
-        ),
-    )
+            f"got {people:g}; the detector generalist detects them"
+        )
 
 
 @dataclass(frozen=True, eq=False)
