@@ -54,8 +54,11 @@ def _text(tracks: list[Track]) -> str:
 def _check(track: Track) -> None:
     """Checks a track by the rules of the simulator's reader. Raises Error that names the track."""
     name, size_m = f"track '{track.name}'", track.size_m
-    if not np.isfinite(track.states).all() or not np.isfinite(size_m).all():
-        raise Error(f"{name}: expected finite numbers, got a value that is not finite")
+    if not (finite := np.isfinite(track.states).all(axis=1)).all():
+        first = int(np.argmin(finite))
+        raise Error(f"{name}: state {first}: expected finite numbers, got {track.states[first]}")
+    if not np.isfinite(size_m).all():
+        raise Error(f"{name}: size_m: expected finite numbers, got {size_m.tolist()}")
     if (size_m < _SIZES_M[0]).any() or (size_m > _SIZES_M[1]).any():
         raise Error(f"{name}: expected sizes of 0.1 to 50 m, got a size of {size_m.tolist()} m")
     step_m = np.linalg.norm(np.diff(track.states[:, :3], axis=0), axis=1).max(initial=0)
