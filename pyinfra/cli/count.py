@@ -3,8 +3,11 @@
 import argparse
 from pathlib import Path
 
+import pandas as pd
+
+from pyinfra.cli.arguments import arguments_of
+from pyinfra.cli.messages import printed_findings
 from pyinfra.cli.parser import argument, usage
-from pyinfra.core.errors import refuse
 from pyinfra.tracking.counts import Counts, count
 from pyinfra.viz.traffic_page import write_page
 
@@ -39,23 +42,8 @@ add_arguments = usage(
 
 
 def run(args: argparse.Namespace) -> int:
-    refuse(
-        (
-            not args.tracks.is_file(),
-            f"TRACKS: expected a file of `pyinfra track`, got '{args.tracks}'",
-        ),
-        (
-            not args.site.exists(),
-            f"SITE: expected a LiDAR's folder or a file with lines, got '{args.site}'",
-        ),
-    )
-    counts = count(
-        args.tracks,
-        args.site,
-        interval_s=args.interval_s,
-        start_s=args.start_s,
-        end_s=args.end_s,
-    )
+    with printed_findings(args):
+        counts = count(**arguments_of(count, args))
     counts.save(args.out)
     if not args.no_page:
         write_page(counts, args.out / "counts.html", title=args.tracks.stem)
@@ -71,15 +59,24 @@ def table_text(counts: Counts) -> str:
     groups = counts.passages.groupby(["line", "direction"])
     lines += _aligned(
         "line",
-        {
-            f"{line} {direction}": f"{len(part)} at {part.speed_km_h.mean():.0f} km/h, "
-            f"85 % below {part.speed_km_h.quantile(0.85):.0f} km/h"
-            for (line, direction), part in groups
-        },
+        {f"{line} {direction}": _speeds(part.speed_km_h) for (line, direction), part in groups},
     )
     return "\n".join(lines)
 
 
+def _speeds(speeds: pd.Series) -> str:
+    """Returns the number of passages and their speeds; unseen passages have no speed."""
+    if not (with_speed := speeds.count()):
+        return f"{len(speeds)}, none with a speed"
+    few = "" if with_speed == len(speeds) else f" ({with_speed} with a speed)"
+    return (
+        f"{len(speeds)}{few} at {speeds.mean():.0f} km/h, "
+        f"85 % below {speeds.quantile(0.85):.0f} km/h"
+    )
+
+
 def _aligned(title: str, rows: dict[str, str]) -> list[str]:
+    if not rows:
+        return []
     wide = max(map(len, [title, *rows]))
     return [f"{title}:", *(f"  {name:<{wide}}  {text}" for name, text in rows.items())]

@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import os
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.errors import Error
+from pyinfra.core.errors import Error, FindingWarning
 from pyinfra.core.names import path_of
 from pyinfra.core.present import Presented
-from pyinfra.core.public import public
+from pyinfra.core.public import CALLER, public
 from pyinfra.core.vocabulary import KM_H
 from pyinfra.dataset.frame_sequence import FrameSequence
 from pyinfra.dataset.frames import usual_step
 from pyinfra.formats.csv_table import write_tables
 from pyinfra.tracking.lines import AnyLines, Line, frames_of, lines_of
 from pyinfra.tracking.movements import movements
-from pyinfra.tracking.passages import passages
+from pyinfra.tracking.passages import UNSEEN_S, passages
 from pyinfra.tracking.queues import queues
 from pyinfra.tracking.table_file import NUMBER_FORMAT, read_tracks, with_time_text
 
 TABLES = ("passages", "flows", "movements", "travel", "queues")
+MOST_UNSEEN = 0.2  # largest share of unseen passages of a line without a warning
+FAR_M = 20.0  # distance from the nearest track above which an empty line gives a warning
 _NEEDED = ("frame", "t_s", "id", "type", "x", "y", "dx", "speed_m_s")
 
 
@@ -36,7 +39,8 @@ class Counts(Presented):
     lines : the lines, in the levelled LiDAR frame
     seconds : duration of the recording, from start_s to end_s
     passages : one row per passage: t_s, line, direction, lane, id, type, speed_km_h, length_m,
-        position, headway_s (front to front) and gap_s (without the length of the vehicle before)
+        position, headway_s (front to front), gap_s (without the length of the vehicle before) and
+        unseen: 1 without a speed if the track has no box for more than 1.5 s around, else 0
     flows : one row per interval, line, direction, lane and type: count, flow_per_h, mean_km_h,
         p85_km_h, std_km_h, headway_s, gap_s (medians) and occupancy_percent
     movements : one row per interval, movement and type: count and flow_per_h
@@ -119,6 +123,9 @@ def count(
     start, end = recording(table, frames, start_s, end_s)
     passed = passages(table, lines)
     moved = movements(passed, lines)
+    for text in (_unseen(passed), _unreached(table, passed, lines, drawn=frames is None)):
+        if text:
+            warnings.warn(text, FindingWarning, stacklevel=CALLER)
     return Counts(
         lines,
         end - start,
@@ -152,12 +159,38 @@ def recording(
     return start, end
 
 
+def _unseen(passed: pd.DataFrame) -> str:
+    """Returns a warning for lines with too many passages in gaps between boxes; empty if none."""
+    found = passed.astype({"unseen": int}).groupby("line").unseen.agg(["sum", "size"])
+    found = found[found["sum"] > MOST_UNSEEN * found["size"]]
+    listed = ", ".join(f"{row.Index} ({row[1]} of {row[2]})" for row in found.itertuples())
+    return listed and (
+        f"passages in gaps of more than {UNSEEN_S:g} s between the boxes of a track: {listed}; "
+        "the sensor may not see the road there"
+    )
+
+
+def _unreached(table: pd.DataFrame, passed: pd.DataFrame, lines: list[Line], *, drawn: bool) -> str:
+    """Returns a warning for lines without passages that no track comes near; empty if none."""
+    xy = table[["x", "y"]].to_numpy(np.float64)
+    counted = set(passed.line)
+    empty = [line for line in lines if len(xy) and line.name not in counted]
+    apart = {line.name: float(line.distance(xy).min()) for line in empty}
+    listed = "; ".join(
+        f"line {name}: no track comes within {np.floor(m):.0f} m"
+        for name, m in apart.items()
+        if m > FAR_M
+    )
+    frame = "; coordinates of lines are in the levelled LiDAR frame" if drawn else ""
+    return listed and listed + frame
+
+
 def flows(passed: pd.DataFrame, start: float, end: float, interval_s: float) -> pd.DataFrame:
     """Returns counts, speeds, headways and occupancy by interval, line, direction, lane, type."""
     keys = ["start_s", "line", "direction", "lane", "type"]
     table = in_intervals(passed, start, interval_s)
     table = table.assign(over_s=table.length_m / np.maximum(table.speed_km_h / KM_H, 0.5))
-    groups = table.groupby(keys, sort=True)
+    groups = table.groupby(keys, sort=True)  # passages without a speed take the mean time
     out = groups.agg(
         count=("id", "size"),
         mean_km_h=("speed_km_h", "mean"),
@@ -165,7 +198,7 @@ def flows(passed: pd.DataFrame, start: float, end: float, interval_s: float) -> 
         std_km_h=("speed_km_h", "std"),
         headway_s=("headway_s", "median"),
         gap_s=("gap_s", "median"),
-        over_s=("over_s", "sum"),
+        over_s=("over_s", lambda v: v.fillna(v.mean()).sum(min_count=1)),
     ).reset_index()
     seconds = seconds_of(out, end, interval_s)
     out.insert(6, "flow_per_h", 3600 * out["count"] / seconds)

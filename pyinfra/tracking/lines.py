@@ -65,6 +65,12 @@ class Line:
     def length_m(self) -> float:
         return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
 
+    def distance(self, xy: FloatArray) -> FloatArray:
+        """Returns the distances (n,) of positions (n, 2)."""
+        start, along = np.array(self.start), np.subtract(self.end, self.start)
+        share = np.clip((xy - start) @ along / self.length_m**2, 0, 1)
+        return np.asarray(np.hypot(*(xy - start - share[:, None] * along).T))
+
 
 AnyLines: TypeAlias = (
     "FrameSequence | str | os.PathLike[str] | Mapping[str, npt.ArrayLike] | list[Line]"

@@ -5,28 +5,35 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.arrays import FloatArray, IntArray
+from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
 from pyinfra.core.vocabulary import KM_H, PERSON_TYPES
 from pyinfra.tracking.lines import Line
+from pyinfra.tracking.table_file import HIDDEN, MISSED
 
 COLUMNS = [
     "t_s", "line", "direction", "sign", "lane", "id", "type", "speed_km_h", "length_m", "x", "y",
-    "offset_m", "headway_s", "gap_s",
+    "offset_m", "headway_s", "gap_s", "unseen",
 ]  # fmt: skip
 LANE_M = 2.2  # maximum distance between the mean offsets of two groups of passages in one lane
+# A passage is unseen if the track's boxes before and after it are further apart than this. Tracks
+# in view end after this time without a box, so the track was hidden, or stood without a box.
+UNSEEN_S = 1.5
 
 
 def passages(tracks: pd.DataFrame, lines: Sequence[Line]) -> pd.DataFrame:
     """Returns the passages of tracks over lines, ordered by time.
 
     A track passes a line at most once: going back and forth over it cancels. Only vehicles have
-    lanes and headways; the lane of people is 0.
+    lanes and headways; the lane of people is 0. Passages without boxes near them are `unseen`, and
+    have no speed.
 
-    tracks : frame, t_s, id, type, x y dx, speed_m_s, ordered by frame
+    tracks : frame, t_s, id, type, x y dx, speed_m_s, ordered by frame. Without `state`, each row
+        has a box
     """
     rows = tracks.sort_values(["id", "t_s"], kind="stable")
     values = rows[["x", "y", "t_s", "speed_m_s"]].to_numpy(np.float64)
     ids = rows["id"].to_numpy(np.int64)
+    unseen = _unseen(rows)
     parts = []
     for line in lines:
         found = _crossings(values, ids, line)
@@ -39,17 +46,32 @@ def passages(tracks: pd.DataFrame, lines: Sequence[Line]) -> pd.DataFrame:
                 rows["type"].to_numpy()[row],
                 rows["dx"].to_numpy()[row],
             )
+            part["unseen"] = unseen[row].astype(int)
             part["line"] = line.name
             part["direction"] = np.where(sign > 0, line.forward, line.backward)
             parts.append(part)
     if not parts:
         return pd.DataFrame(columns=COLUMNS)
     table = pd.concat(parts).sort_values(["t_s", "id"], ignore_index=True)
-    table["speed_km_h"] = KM_H * table.pop("speed_m_s")
+    table["speed_km_h"] = KM_H * table.pop("speed_m_s").where(table.unseen == 0)
     table["lane"] = 0
     for _, part in table[~table["type"].isin(PERSON_TYPES)].groupby(["line", "sign"]):
         table.loc[part.index, "lane"] = _lanes(part.offset_m.to_numpy(), int(part["sign"].iloc[0]))
     return with_headways(table)[COLUMNS]
+
+
+def _unseen(rows: pd.DataFrame) -> BoolArray:
+    """Returns whether the step from each row (n,) to the next one is within a gap without boxes.
+
+    rows: ordered by id and time. A gap is longer than UNSEEN_S, or has no box at one of its ends.
+    """
+    if "state" not in rows:
+        return np.zeros(len(rows), np.bool_)
+    seen = ~rows.state.isin([MISSED, HIDDEN])
+    times = rows.t_s.astype(float).where(seen).groupby(rows["id"])
+    gap_s = times.bfill().shift(-1) - times.ffill()
+    both = seen & seen.shift(-1, fill_value=False)  # frames may be far apart
+    return np.asarray((gap_s.isna() | (gap_s > UNSEEN_S)) & ~both, np.bool_)
 
 
 def _crossings(

@@ -13,6 +13,7 @@ TRACK_COLUMNS = [
     "x_var_m2", "y_var_m2", "xy_cov_m2", "speed_var_m2_s2",
     "score", "frames_seen", "frames_missed", "state",
 ]  # fmt: skip
+SEEN, MISSED, HIDDEN = "seen", "missed", "hidden"  # values of `state`
 NUMBER_FORMAT = "%.6g"  # format of all columns except times
 
 

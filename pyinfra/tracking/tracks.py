@@ -18,10 +18,8 @@ from pyinfra.formats import kitti
 from pyinfra.tracking import motion
 from pyinfra.tracking.occlusion import View
 from pyinfra.tracking.state import TYPES, Boxes, Tracks
-from pyinfra.tracking.table_file import TRACK_COLUMNS
+from pyinfra.tracking.table_file import HIDDEN, MISSED, SEEN, TRACK_COLUMNS
 from pyinfra.tracking.tracker import Tracker, TrackSettings
-
-SEEN, MISSED, HIDDEN = "seen", "missed", "hidden"
 
 
 @public()

@@ -38,10 +38,12 @@ def write_page(counts: Counts, out: Path, *, title: str = "Traffic") -> None:
     moved = counts.movements.groupby("movement", as_index=False)[["count"]].sum()
     moved["flow_per_h"] = 3600 * moved["count"] / max(counts.seconds, 1e-3)
     lanes = counts.flows.drop(columns=["std_km_h"])
+    unseen = int((counts.passages.unseen == 1).sum())
     parts = [
         f"<h1>{html.escape(title)}</h1>",
         f"<p>{len(counts.passages)} passages of {counts.passages.id.nunique()} tracks at "
-        f"{len(counts.lines)} lines in {counts.seconds:.0f} s.</p>",
+        f"{len(counts.lines)} lines in {counts.seconds:.0f} s."
+        + (f" {unseen} of them are unseen, and have no speed.</p>" if unseen else "</p>"),
         "<h2>Flows</h2>",
         _svg(flow_map(counts)),
         _table(moved),
@@ -128,14 +130,14 @@ def speed_plots(counts: Counts) -> Figure:
         left, right = figure.subplots(1, 2)
         for (line, direction), part in counts.passages.groupby(["line", "direction"]):
             label = f"{line} {direction}"
-            for ax, values in ((left, part.speed_km_h), (right, part.headway_s.dropna())):
+            for ax, values in ((left, part.speed_km_h.dropna()), (right, part.headway_s.dropna())):
                 ordered = np.sort(values.to_numpy(np.float64))
                 if len(ordered):
                     share = 100 * np.arange(1, len(ordered) + 1) / len(ordered)
                     ax.step(ordered, share, where="post", label=label, linewidth=1)
         left.set(xlabel="speed (km/h)", ylabel="passages with at most this (%)")
         right.set(xlabel="headway (s)")
-        if len(counts.passages):
+        if left.lines:
             left.legend(fontsize=6, frameon=False)
     return figure
 

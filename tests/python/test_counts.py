@@ -12,6 +12,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from tracking_data import PERIOD_S, boxes, straight
 
 import pyinfra as pi
+from pyinfra.cli import main
 from pyinfra.dataset.frames import recorded_s
 from pyinfra.tracking.lines import Line
 from pyinfra.tracking.passages import LANE_M, _lanes
@@ -185,3 +186,81 @@ def test_a_line_with_the_name_of_a_direction_is_no_direction(tmp_path: Path) -> 
     counts = pi.count(pi.track(table, period_s=PERIOD_S), lines)
     assert dict(counts.movements.set_index("movement")["count"]) == {"N > S": 2, "N > (S)": 2}
     write_page(counts, tmp_path / "counts.html")
+
+
+def hidden(tracks: pd.DataFrame, first_s: float, last_s: float) -> pd.DataFrame:
+    """Returns the tracks without boxes between two times."""
+    return tracks.assign(state=tracks.state.mask(tracks.t_s.between(first_s, last_s), "hidden"))
+
+
+@pytest.mark.parametrize(
+    ("gap_s", "unseen"), [((1.8, 2.2), 0), ((0.9, 2.6), 1), ((0, 2.2), 1), ((1.8, 9), 1)]
+)
+def test_a_passage_in_a_gap_between_boxes_is_counted_without_speed(
+    gap_s: tuple[float, float], unseen: int, tmp_path: Path
+) -> None:
+    """The second of two cars has no boxes as it passes the line, 2 s after its first box."""
+    tracks = pi.track(cars(0, 60), period_s=PERIOD_S)
+    first = hidden(tracks[tracks.id == 1], 9, 9)
+    second = hidden(tracks[tracks.id == 2], 6 + gap_s[0], 6 + gap_s[1])
+    table = pd.concat([first, second]).sort_values(["frame", "id"])
+    if unseen:
+        with pytest.warns(pi.FindingWarning, match=r"gate \(1 of 2\); the sensor may not see"):
+            counts = pi.count(table, GATE)
+    else:
+        counts = pi.count(table, GATE)
+    assert counts.passages.unseen.tolist() == [0, unseen]
+    assert counts.passages.speed_km_h.isna().tolist() == [False, bool(unseen)]
+    np.testing.assert_allclose(counts.passages.headway_s, [np.nan, 6], atol=1e-3)
+    flow = counts.flows.iloc[0]
+    assert flow["count"] == 2
+    assert flow.mean_km_h == pytest.approx(36, abs=0.5)
+    every = pi.count(tracks, GATE).flows.iloc[0]
+    assert flow.occupancy_percent == pytest.approx(every.occupancy_percent, rel=1e-3)
+    write_page(counts, tmp_path / "counts.html")
+    assert ("1 of them" in (tmp_path / "counts.html").read_text()) == bool(unseen)
+
+
+def test_without_states_and_between_distant_frames_no_passage_is_unseen() -> None:
+    tracks = pi.track(cars(0), period_s=PERIOD_S)
+    assert pi.count(tracks.drop(columns="state"), GATE).passages.unseen.tolist() == [0]
+    assert pi.count(tracks.assign(state="active"), GATE).passages.unseen.tolist() == [0]
+    rare = tracks.assign(t_s=tracks.t_s * 20)
+    assert pi.count(rare, GATE).passages.unseen.tolist() == [0]
+
+
+def test_a_line_without_any_speed_is_printed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_tracks(tmp_path / "t.csv", hidden(pi.track(cars(0), period_s=PERIOD_S), 0.5, 3.5))
+    (tmp_path / "lines.yaml").write_text("lines_m:\n  gate: [[0, 0], [0, 10]]\n")
+    words = ["count", str(tmp_path / "t.csv"), str(tmp_path / "lines.yaml"), "--out"]
+    assert main.main([*words, str(tmp_path / "out")]) == 0
+    printed = capsys.readouterr()
+    assert "gate E  1, none with a speed" in printed.out
+    assert printed.err.count("pyinfra: warning: ") == 1
+    saved = pd.read_csv(tmp_path / "out/passages.csv")
+    assert saved.columns[-1] == "unseen"
+    assert saved[["speed_km_h", "unseen"]].to_numpy().tolist() == [
+        [pytest.approx(np.nan, nan_ok=True), 1]
+    ]
+
+
+def test_a_line_that_no_track_comes_near_is_named_with_its_distance(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_tracks(tmp_path / "t.csv", pi.track(cars(0), period_s=PERIOD_S))
+    (tmp_path / "lines.yaml").write_text("lines_m:\n  far: [[900, 0], [900, 10]]\n")
+    words = ["count", str(tmp_path / "t.csv"), str(tmp_path / "lines.yaml"), "--out"]
+    assert main.main([*words, str(tmp_path / "out")]) == 0
+    printed = capsys.readouterr()
+    assert "line far: no track comes within 880 m; " in printed.err
+    assert printed.out == "0 passages in 4 s\n"
+    with pytest.warns(pi.FindingWarning, match="line far: no track comes within 880 m"):
+        pi.count(tmp_path / "t.csv", {"far": [[900, 0], [900, 10]], **GATE})
+
+
+def test_the_distance_from_a_line_is_that_from_its_nearest_point() -> None:
+    line = Line("a", (0.0, 0.0), (10.0, 0.0))
+    xy = np.array([[5, 2], [-3, 4], [13, -4], [10, 0]], np.float64)
+    np.testing.assert_allclose(line.distance(xy), [2, 5, 5, 0])
