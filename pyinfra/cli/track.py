@@ -11,7 +11,7 @@ import pandas as pd
 from pyinfra.cli.messages import printed_findings, warn
 from pyinfra.cli.parser import argument, usage
 from pyinfra.conversion import TRACK_FILES, export_tracks
-from pyinfra.core.errors import Error
+from pyinfra.core.errors import Error, check_exists
 from pyinfra.dataset.frame_sequence import RecordedFrames
 from pyinfra.dataset.frames import (
     frame_numbers,
@@ -164,6 +164,7 @@ def _live(args: argparse.Namespace, tracker: Tracker) -> int:
 def _boxes(args: argparse.Namespace, frames: RecordedFrames) -> pd.DataFrame:
     if args.pred is None:
         return detect(load_detector(args.model), frames)
+    check_exists(args.pred)
     if not args.pred.is_dir():
         raise Error(f"PRED: expected a folder of predictions, got '{args.pred}'")
     return prediction_table(frames, args.pred, partial(warn, args=args))

@@ -4,6 +4,8 @@ Their messages name file, line and key if these are known. Any other exception, 
 a bug in the package.
 """
 
+import errno
+import os
 import traceback
 from pathlib import Path
 from typing import NoReturn
@@ -43,6 +45,19 @@ def missing(package: str | None, extra: str) -> MissingPackage:
 def fail(file: Path, what: str, line: int | None = None) -> NoReturn:
     """Raises FormatError for a file, or for a line of it."""
     raise FormatError(f"{file}:{line}: {what}" if line else f"{file}: {what}")
+
+
+def not_found(path: Path, text: str) -> FileNotFoundError:
+    """Returns the error for a path. `text` says what a path that exists lacks."""
+    return FileNotFoundError(
+        errno.ENOENT, text if path.exists() else os.strerror(errno.ENOENT), str(path)
+    )
+
+
+def check_exists(path: Path) -> None:
+    """Raises FileNotFoundError for a missing path, before a check of what it is."""
+    if not path.exists():
+        raise not_found(path, "")
 
 
 def refuse(*faults: tuple[object, str]) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.core.arrays import BoolArray, FloatArray, IntArray
-from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.errors import Error, FormatError, not_found
 from pyinfra.core.vocabulary import LabelTime
 from pyinfra.dataset.frames import check_data_set, data_set_of, lidars_in
 from pyinfra.dataset.outlines import OUTLINES_FILE
@@ -58,9 +58,7 @@ def read_data_set(folder: Path) -> DataSet:
     """
     if not (folder / "dataset.yaml").is_file():
         check_data_set(folder)
-        raise FileNotFoundError(
-            2, "The folder has no dataset.yaml; `infrasim run` writes it", str(folder)
-        )
+        raise not_found(folder, "The folder has no dataset.yaml; `infrasim run` writes it")
     top = kitti.read_yaml(folder / "dataset.yaml")
     folders = lidars_in(folder)
     if not folders:

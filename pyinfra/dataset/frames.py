@@ -1,13 +1,12 @@
 """Lists the LiDARs and frames of a folder."""
 
-import errno
 import re
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from statistics import median_low
 
-from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.errors import Error, FormatError, not_found
 from pyinfra.core.files import resolved
 from pyinfra.formats import kitti
 from pyinfra.formats.text_table import lines_of
@@ -62,9 +61,7 @@ def frame_numbers(folder: Path, split: str | None = None) -> list[int]:
         present = sorted(int(stem) for stem in stems if stem.isdecimal())
     else:
         check_lidar_folder(folder)
-        raise FileNotFoundError(
-            2, "The folder has no training/velodyne and no training/label_2", str(folder)
-        )
+        raise not_found(folder, "The folder has no training/velodyne and no training/label_2")
     if split == "all" or (split is None and not (folder / "ImageSets/val.txt").is_file()):
         return present
     return _split(folder / f"ImageSets/{split or 'val'}.txt", set(present))
@@ -92,9 +89,7 @@ def lidar_folders(data_set: Path) -> list[Path]:
     folders = lidars_in(data_set)
     if not folders:
         check_data_set(data_set)
-        raise FileNotFoundError(
-            errno.ENOENT, "expected a LiDAR folder with a lidar.yaml, got none", str(data_set)
-        )
+        raise not_found(data_set, "expected a LiDAR folder with a lidar.yaml, got none")
     return folders
 
 

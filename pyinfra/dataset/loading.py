@@ -16,7 +16,7 @@ import numpy.typing as npt
 import yaml
 
 from pyinfra.core.arrays import Float32Array
-from pyinfra.core.errors import ConfigError, Error
+from pyinfra.core.errors import ConfigError, Error, check_exists
 from pyinfra.core.names import file_or_name, path_of
 from pyinfra.core.public import public
 from pyinfra.core.vocabulary import Preset
@@ -300,6 +300,7 @@ def _loaded(
     folder: str | os.PathLike[str], argument: str
 ) -> RecordedFrames | dict[str, RecordedFrames]:
     path = path_of(folder, argument)
+    check_exists(path)
     if not path.is_dir():
         raise Error(f"{argument}: expected a folder, got '{path}'")
     if lidars := lidars_in(path):

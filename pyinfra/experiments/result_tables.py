@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.errors import Error, FormatError, not_found
 from pyinfra.core.vocabulary import TIERS
 from pyinfra.experiments.value import SITE_ITEMS
 from pyinfra.formats.csv_table import numbers, read_words
@@ -229,7 +229,7 @@ def read_results(
     experiments and a folder without any table.
     """
     if not folder.is_dir():
-        raise FileNotFoundError(2, "expected a folder of results, got none", str(folder))
+        raise not_found(folder, "expected a folder of results, got none")
     chosen = tier if tier is not None else _richest(folder)
     kinds = {**KINDS, **(more or {})}
     tables = {name: _read(folder / k.file.format(tier=chosen), k) for name, k in kinds.items()}

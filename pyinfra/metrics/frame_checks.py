@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from pyinfra.core.arrays import FloatArray, Points
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import FormatError, not_found
 from pyinfra.core.progress import track
 from pyinfra.dataset.data_set import read_data_set, read_lidars
 from pyinfra.dataset.frame_readers import (
@@ -345,5 +345,5 @@ def folders_with_frames(data: Path) -> list[Path]:
     folders = sorted(folder for folder in candidates if not folder.name.startswith("."))
     if not folders:
         check_lidar_folder(data)
-        raise FileNotFoundError(2, "The folder and its subfolders have no `training`", str(data))
+        raise not_found(data, "The folder and its subfolders have no `training`")
     return folders

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra.core.errors import Error
+from pyinfra.core.errors import Error, not_found
 from pyinfra.core.vocabulary import Subset
 from pyinfra.formats.csv_table import read_csv
 from pyinfra.formats.earlier_names import existing
@@ -90,7 +90,7 @@ def read_place(folder: Path, which: Subset) -> Place:
     if not files[0].is_file():
         files = sorted(existing(ap.with_name("replicates.csv")) for ap in folder.glob("*/ap.csv"))
     if not files:
-        raise FileNotFoundError(2, "No replicates.csv; `pyinfra evaluate` writes it", str(folder))
+        raise not_found(folder, "No replicates.csv; `pyinfra evaluate` writes it")
     tables: dict[str, dict[str, pd.Series]] = {}
     objects = dict.fromkeys((which, "all"), 0)
     for file in files:

@@ -129,7 +129,7 @@ CALLS: dict[str, tuple[Call, str]] = {
         lambda g: pi.simulate(g.scene, "helios_16", [0], threads=-1),
         "threads: ",
     ),
-    "load_dataset: folder": (lambda g: pi.load_dataset("/no/such"), "folder: expected a folder"),
+    "load_dataset: folder": (lambda g: pi.load_dataset("/no/such"), "folder: /no/such: No such"),
     "load_dataset: empty": (lambda g: pi.load_dataset(g.empty), "folder: "),
     "load_dataset: file": (lambda g: pi.load_dataset(g.file), "folder: "),
     "load_dataset: type": (lambda g: pi.load_dataset(7), "folder: "),

@@ -243,8 +243,8 @@ def test_a_wrong_table_is_reported_in_one_line(
     [
         ([], 2, "expected tables of `pyinfra benchmark`, got none"),
         (["--tier", "full"], 2, "full.csv: expected one or more finished experiments, got none"),
-        (["--data", "nowhere"], 1, "nowhere: The folder has no dataset.yaml"),
-        (["--runs", "nowhere"], 1, "nowhere: expected a subfolder predictions, got none"),
+        (["--data", "nowhere"], 1, "nowhere: No such file or directory"),
+        (["--runs", "nowhere"], 1, "nowhere: No such file or directory"),
     ],
 )
 def test_wrong_arguments_are_reported(

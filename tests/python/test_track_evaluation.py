@@ -140,7 +140,7 @@ def test_a_left_turn_is_a_movement_between_two_lines() -> None:
         ({}, "one or more lines"),
         ({"a": [[0, 0], [0, 0.1]]}, "0.5 m or more"),
         ({"a": [[0, 0]]}, "array"),
-        ("nowhere", "expected a folder"),
+        ("nowhere", "No such file"),
     ],
 )
 def test_wrong_lines_are_refused(site: object, message: str) -> None:
@@ -219,7 +219,7 @@ def test_commands_make_tables_and_a_page(
     page = (tmp_path / "out/counts.html").read_text()
     assert page.count("<svg") == 2
     assert "gate" in page
-    assert main.main(["count", str(tracks), "nowhere", "--out", str(tmp_path)]) == 2
+    assert main.main(["count", str(tracks), "nowhere", "--out", str(tmp_path)]) == 1
 
 
 def test_tracks_are_read_as_they_are_written(tmp_path: Path) -> None:

@@ -244,7 +244,7 @@ def test_command_prints_findings_and_its_exit_code_counts_errors(
     assert main.main(["validate", str(lidar), "--pred", str(tmp_path / "pred")]) == 1
     assert "error: wrong-predictions: " in capsys.readouterr().out
     assert main.main(["validate", str(tmp_path / "nowhere")]) == 1
-    assert f"{tmp_path / 'nowhere'}: The folder" in capsys.readouterr().err
+    assert f"{tmp_path / 'nowhere'}: No such file" in capsys.readouterr().err
 
 
 def test_command_checks_every_lidar_of_a_data_set(

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import FloatArray, IntArray, NameArray
-from pyinfra.core.errors import Error
+from pyinfra.core.errors import Error, check_exists
 from pyinfra.core.names import StrPath, path_of
 from pyinfra.core.public import public
 from pyinfra.dataset.frame_readers import Cameras, read_cameras, read_predictions
@@ -111,6 +111,7 @@ class Detections(pd.DataFrame):  # type: ignore[misc]  # pandas has no types
         that of a simulated LiDAR. Raises FormatError with file and line.
         """
         source = path_of(folder, "folder")
+        check_exists(source)
         if not source.is_dir():
             raise Error(f"folder: expected a folder, got '{source}'")
         truth = None if lidar_folder is None else path_of(lidar_folder, "lidar_folder")

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray
-from pyinfra.core.errors import Error, FormatError
+from pyinfra.core.errors import Error, FormatError, check_exists
 from pyinfra.core.files import write
 from pyinfra.formats.yaml_file import read_keys
 from pyinfra.scenes.maps.geographic import Projection, metres_of_degrees, network_projection
@@ -18,6 +18,7 @@ def scene_of(site: Path) -> Path:
     """Returns the scene file of a site folder. Raises Error for a file, or a folder without it."""
     if site.is_file():
         raise Error(f"{site}: expected the folder of a site, got a file; use {site.parent}")
+    check_exists(site)
     if not (site / SCENE).is_file():
         inside = ", ".join(str(file.parent) for file in sorted(site.glob(f"*/{SCENE}")))
         more = f"; sites in it: {inside}" if inside else "; `pyinfra site import` makes a site"

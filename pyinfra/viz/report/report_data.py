@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pyinfra.core.errors import Error
+from pyinfra.core.errors import Error, not_found
 from pyinfra.dataset.catalogue import SCENES
 from pyinfra.dataset.data_set import DataSet, read_data_set
 from pyinfra.experiments.requirements import Requirements
@@ -93,7 +93,7 @@ def read_run(folder: Path, data: Iterable[DataSet]) -> Run:
     values.
     """
     if not (folder / "predictions").is_dir():
-        raise FileNotFoundError(2, "expected a subfolder predictions, got none", str(folder))
+        raise not_found(folder, "expected a subfolder predictions, got none")
     if (folder / "run.yaml").is_file():
         top = kitti.read_yaml(folder / "run.yaml")
         fields = {key: top.at(key).text() for key in ("scene", "lidar", "preset", "detector")}
