@@ -285,7 +285,7 @@ def propose_region(data: FrameSequence | StrPath, out: StrPath | None = None) ->
     ...     pi.propose_region(frames)
     ... except pi.Error as error:
     ...     print(str(error).partition(": ")[2])
-    expected a recording of 10 s or more, got 1.8 s
+    expected a recording of 10 s or more, got 2 s
     """
     from pyinfra.models.inference.region_proposal import (
         SHORT_S,

@@ -26,7 +26,7 @@ from pyinfra.core.errors import Error
 from pyinfra.core.files import check_output, write
 from pyinfra.core.present import Presented
 from pyinfra.core.progress import track
-from pyinfra.dataset.frames import frame_numbers, period_of
+from pyinfra.dataset.frames import frame_numbers, period_of, usual_step
 from pyinfra.dataset.ground import Ground, ground_of
 from pyinfra.dataset.outlines import Drawn, area, in_outline
 from pyinfra.metrics.label_free_quality import BoxSeries, links, tracks
@@ -128,7 +128,10 @@ def propose_outline(
     is shorter than LEAST_S, has less than four frames per second, or has fewer than LEAST_VEHICLES
     tracks of vehicles.
     """
-    seconds = (numbers[-1] - numbers[0]) * period_s if len(numbers) > 0 else 0.0
+    # The time from the first frame to the last one, with the time of the last one. It is rounded,
+    # because 0.1 s is no sum of binary fractions.
+    span = numbers[-1] - numbers[0] + usual_step(numbers) if len(numbers) > 0 else 0
+    seconds = round(span * period_s, 6)
     if seconds < LEAST_S:
         raise Error(f"expected a recording of {LEAST_S:g} s or more, got {seconds:g} s")
     gap = round(float(np.median(np.diff(numbers))))  # for example 2 if every second frame exists
