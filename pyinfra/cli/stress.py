@@ -12,6 +12,7 @@ from tqdm import tqdm
 
 from pyinfra.cli.messages import message_of, note
 from pyinfra.cli.parser import argument, usage
+from pyinfra.core.progress import in_lines
 from pyinfra.experiments.stress import runner, trials
 from pyinfra.experiments.stress.stressors import STRESSORS
 from pyinfra.viz import stress_plots
@@ -91,11 +92,11 @@ def run(args: argparse.Namespace) -> int:
 def _fill(plan: runner.Prepared, out: Path, seed: int) -> int:
     """Runs the trials and returns the number of failed trials. A failure prints a line on stderr.
 
-    A progress bar is only shown if stderr is a terminal.
+    A progress bar is only shown if stderr is a terminal, else lines.
     """
     failed = 0
     bar = tqdm(plan.todo, unit="trial", disable=None, file=sys.stderr)
-    for trial in bar:
+    for trial in in_lines(bar, "trial"):
         bar.set_postfix_str(trial.title)
         if error := trials.attempt(trial, plan.base, out, seed):
             tqdm.write(f"pyinfra: {trial.title} failed: {message_of(error)}", file=sys.stderr)

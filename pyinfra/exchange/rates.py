@@ -1,22 +1,17 @@
 """Progress bar and throughput of an import or export."""
 
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from tqdm import tqdm
+from pyinfra.core.progress import track
 
 
 class Shown(list[int]):
-    """Frame numbers whose iteration shows a progress bar on stderr, if stderr is a terminal."""
+    """Frame numbers whose iteration shows the progress on stderr."""
 
     def __iter__(self) -> Iterator[int]:
-        # With disable=None, there is no progress bar if stderr is not a terminal.
-        numbers = self[:]
-        return iter(
-            tqdm(numbers, unit="frame", disable=None, leave=False, delay=2, file=sys.stderr)
-        )
+        return track(self[:], "frame")
 
 
 def summary(frames: int, folder: Path, since: float) -> str:

@@ -20,7 +20,7 @@ from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.core.config import as_plain
 from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.files import alone, replacing, write
-from pyinfra.core.progress import is_shown
+from pyinfra.core.progress import Lines, is_shown
 from pyinfra.models.detectors.background import DEFAULT, Background, Config
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.pytorch import need_pytorch
@@ -266,11 +266,14 @@ def _reporting(
     log, steps = Log(out / "log.csv", done), description.steps
     hidden = quiet or not is_shown()
     bar = tqdm(total=steps, initial=done, unit="step", disable=hidden, file=sys.stderr)
+    lines = Lines("step", steps, done)
 
     def report(progress: Progress) -> None:
         log(progress)
         bar.set_postfix(loss=f"{progress.loss:.3f}", refresh=False)
         bar.update()
+        if not quiet:
+            lines.update()
         if watch is not None:
             watch(progress)
 
