@@ -27,7 +27,7 @@ from pyinfra.experiments.planner.candidates import (
     read_candidates,
     with_faults,
 )
-from pyinfra.experiments.planner.check import check, parts_of
+from pyinfra.experiments.planner.check import cheaper_line, check, parts_of
 from pyinfra.experiments.planner.costs import (
     PlanLidar,
     affordable,
@@ -255,7 +255,8 @@ def plan(
         of_front = option_table(compared, setting, in_rain)
         options = of_front[of_front.option <= compared.listed].copy()
         every = candidate_table(table, raced.pairs, setting.poses, units)
-        answer = answer_of(compared, setting, options, every, moves, sensitivity, counting)
+        cheaper = cheaper_line(compared, found, setting)
+        answer = answer_of(compared, setting, options, every, moves, sensitivity, counting, cheaper)
         prices = lowest_prices(asked, setting.poses, priced)
         if folder is not None:
             write_tables(folder, options=options, front=of_front, candidates=every)
