@@ -25,6 +25,7 @@ from pyinfra.experiments.planner.candidates import (
     feasible,
     make_candidates,
     read_candidates,
+    read_poses,
     with_faults,
 )
 from pyinfra.experiments.planner.check import cheaper_line, check, parts_of
@@ -56,7 +57,7 @@ from pyinfra.experiments.planner.sensitivity import (
     sensitivity_table,
     simulated_rows,
 )
-from pyinfra.experiments.planner.simulate import Counting, count_option
+from pyinfra.experiments.planner.simulate import SEEDS, Counting, count_option
 from pyinfra.experiments.planner.site import PlanSite, open_site, scene_path
 from pyinfra.experiments.planner.tables import (
     candidate_table,
@@ -218,7 +219,14 @@ def plan(
     grid = grid or PoseGrid()
     check_grid(grid)
     priced = read_costs(None if costs is None else path_of(costs, "costs"), years, law, period_s)
-    site = open_site(scene, frames, preset=preset, seed=seed, centre_m=centre_m, period_s=period_s)
+    if poses is not None:
+        read_poses(path_of(poses, "poses"), scene_path(scene).parent)
+    # One seed for the predictions, and those of the simulations.
+    further = 1 + min(max(check_frames, count is not None), SEEDS)
+    site = open_site(
+        scene, frames, preset=preset, seed=seed, centre_m=centre_m, period_s=period_s,
+        further_seeds=further,
+    )  # fmt: skip
     check_site(site, request, law, check_frames, drawn=areas is not None)
 
     # Make the candidates: poses and LiDARs.
