@@ -69,12 +69,12 @@ def _field_of(word: str, function: Callable[..., Any]) -> str:
     Settings are records that can be made without arguments.
     """
     for key, annotation in function.__annotations__.items():
-        record = function.__globals__.get(str(annotation).partition(" ")[0])
-        fields = getattr(record, "__dataclass_fields__", {})
+        record = str(annotation).partition(" ")[0]
+        fields = getattr(function.__globals__.get(record), "__dataclass_fields__", {})
         if any(f.default is f.default_factory is MISSING for f in fields.values()):
             continue
         for name in {word, f"{word}s"} & set(fields):
-            return f"; write {key}={record.__name__}({name}=...)"
+            return f"; write {key}={record}({name}=...)"
     return ""
 
 
