@@ -14,9 +14,13 @@ from pyinfra.core.names import repeated
 from pyinfra.core.vocabulary import SUBSETS
 from pyinfra.formats.csv_table import write_csv
 from pyinfra.metrics.intervals import FEW_BLOCKS
-from pyinfra.metrics.places import compare_places
+from pyinfra.metrics.places import compare_places, shared_subset
 
 SHOWN = {"ap_r1000": "AP (R1000)", "recall_percent": "recall %", "hidden_percent": "hidden %"}
+VISIBLE_ONLY = (
+    "compares the ground truth all, because not all folders have present: vehicles that are hidden "
+    "from a mount are left out"
+)
 
 
 add_arguments = usage(
@@ -30,9 +34,8 @@ add_arguments = usage(
     argument(
         "--ground-truth",
         choices=SUBSETS,
-        default="present",
         help="ground-truth subset; default: present, which contains every vehicle in the region, "
-        "visible or not, and is therefore the same for all mounts",
+        "visible or not, and is therefore the same for all mounts; if not all folders have it: all",
     ),
     argument("--out", type=Path, metavar="FILE", help="CSV file to write the rows to"),
 )
@@ -44,11 +47,13 @@ def run(args: argparse.Namespace) -> int:
         (len(args.places) < 2, f"PLACE: expected two folders or more, got {len(args.places)}"),
         (twice, f"PLACE: expected each folder once, got {twice} twice"),
     )
-    table = compare_places(args.places, args.ground_truth)
+    which = args.ground_truth or shared_subset(args.places)
+    table = compare_places(args.places, which)
     if args.out:
         check_output(args.out, ",".join(table.columns[:3]).encode())
         write_csv(args.out, table)
-    print(table_text(table, args.ground_truth))
+    text = table_text(table, which)
+    print(text if args.ground_truth or which == "present" else f"{VISIBLE_ONLY}\n{text}")
     return 0
 
 

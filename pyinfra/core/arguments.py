@@ -14,6 +14,7 @@ import numbers
 import operator
 import os
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING
 from functools import cache
 from typing import Any, Literal, get_args, get_origin
 
@@ -49,7 +50,7 @@ def checked_call(
     signature, name, kinds = _signature(function), function.__name__, function.__annotations__
     for word in named:
         if word not in signature.parameters:
-            near = suggestion(word, signature.parameters)
+            near = _field_of(word, function) or suggestion(word, signature.parameters)
             raise ArgumentError(f"{name}: expected a known argument, got '{word}'{near}")
     try:
         given = signature.bind(*args, **named).arguments
@@ -60,6 +61,21 @@ def checked_call(
         key: checked(value, str(kinds[key]), scope, key, ranges.get(key)) if key in kinds else value
         for key, value in given.items()
     }
+
+
+def _field_of(word: str, function: Callable[..., Any]) -> str:
+    """Returns a hint if a word, or its plural, is a field of a function's settings; else nothing.
+
+    Settings are records that can be made without arguments.
+    """
+    for key, annotation in function.__annotations__.items():
+        record = str(annotation).partition(" ")[0]
+        fields = getattr(function.__globals__.get(record), "__dataclass_fields__", {})
+        if any(f.default is f.default_factory is MISSING for f in fields.values()):
+            continue
+        for name in {word, f"{word}s"} & set(fields):
+            return f"; write {key}={record}({name}=...)"
+    return ""
 
 
 def check_fields(record: object, ranges: Mapping[str, Range]) -> None:

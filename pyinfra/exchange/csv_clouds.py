@@ -39,6 +39,8 @@ def read_csv(file: Path) -> Records:
         head = stream.read(65536).decode("utf-8-sig", "replace")
     first = head.splitlines()[0] if head.strip() else ""
     separator = next((s for s in (";", "\t", ",") if s in first), r"\s+")
+    if not first:
+        raise FormatError(f"{file}:1: expected column names or a point, got an empty line")
     words = [w.strip().strip('"') for w in re.split(separator, first.lstrip("/# ").strip())]
     has_names = not all(map(_is_number, words))
     if not has_names and len(words) == 1:  # .pts files begin with the number of points
@@ -66,9 +68,11 @@ def read_csv(file: Path) -> Records:
             )
     except (ValueError, pd.errors.ParserError, OverflowError) as error:
         raise FormatError(f"{file}: cannot be read as columns: {str(error)[:200]}") from None
+    if table.empty:
+        table = table.astype(float)  # pandas reads columns without values as objects
     numbers = [name for name in names if table[name].dtype.kind in "iuf"]
     for axis in "xyz":
-        if axis not in numbers and len(table) > 0:
+        if axis not in numbers:
             values = pd.to_numeric(table[axis], errors="coerce")
             line = int(values.isna().to_numpy().argmax()) + 1 + has_names
             got = table[axis].iloc[line - 1 - has_names]

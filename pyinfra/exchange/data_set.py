@@ -101,6 +101,10 @@ def write_lidar(
         _write_frame(out, numbers[i], frame, facts, summary, T_levelled_sensor)
         if summary.points == before:
             summary.empty.append(recording.names[i])
+    if summary.points == 0:
+        first = recording.reads[0] if recording.reads else "frames"
+        bad = f"; {summary.bad[0]}" if summary.bad else ""
+        raise Error(f"{first}: expected a return in this or another frame, got none{bad}")
     _write_lists(out, recording, numbers)
     summary.not_read = [*facts.not_read, *recording.unread_parts()]
     if summary.unread_keys:

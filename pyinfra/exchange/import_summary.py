@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pyinfra.core.arrays import FloatArray, IntArray, Points
-from pyinfra.core.errors import Error
 from pyinfra.dataset.health import FrameHealth, HealthMonitor
 from pyinfra.formats.kitti import FieldOfView
 
@@ -37,10 +36,8 @@ class Coverage:
         self.farthest_m = max(self.farthest_m, float(slant.max(initial=0)))
 
     def measured(self) -> FieldOfView:
-        """Returns the estimated field of view. Raises Error if there was no return."""
+        """Returns the estimated field of view of one or more returns."""
         rows = np.flatnonzero(self.elevation)
-        if len(rows) == 0:
-            raise Error("frames: expected one or more frames with a return, got none")
         low, high = float(rows[0] - 90), float(rows[-1] + 1 - 90)
         return FieldOfView(
             yaw=0.0,

@@ -90,10 +90,11 @@ class Clouds(RecordClouds):
     def origin(self) -> FloatArray | None:
         """Returns the sensor's position (3,) in the frame of the points, in the source's unit.
 
-        Returns None if the position is the origin or differs between clouds.
+        Returns None if the position is the origin, differs between clouds, or if no header can be
+        read.
         """
         shifts = np.array([header.viewpoint.applied_shift for header in self._all])
-        return shifts[0] if shifts[0].any() and (shifts == shifts[0]).all() else None
+        return shifts[0] if shifts[:1].any() and (shifts == shifts[0]).all() else None
 
     def notes(self, *, shifted: bool = True, timed: bool = True) -> list[str]:
         """Describes how viewpoints, clouds without an intensity, and point times are treated."""

@@ -109,7 +109,10 @@ def _rows(a: Evaluation, b: Evaluation, ground_truth: str | None) -> tuple[pd.Se
     common = [name for name in a.ap.ground_truth if name in set(b.ap.ground_truth)]
     subset = ground_truth or (common[0] if common else "")
     if subset not in common:
-        raise Error(f"ground_truth: expected one of {', '.join(common)}, got '{subset}'")
+        raise Error(
+            f"ground_truth: expected one of {', '.join(common)}, got '{subset}'; evaluate with it "
+            "in `Settings.ground_truths`"
+        )
     second = _measured(b, subset)
     for name, value in _measured(a, subset).items():
         if value != second[name]:

@@ -32,6 +32,9 @@ REQUIRED = (
     *("ground_truth", "measure", "value", "blocks"),
     *("vehicles_digest", "frames", "replicates"),
 )
+# Subsets that can be compared between mounts, the best one first. Only `present` is the same for
+# all mounts of a region: `all` has no vehicle that is hidden from its mount.
+COMPARABLE: tuple[Subset, ...] = ("present", "all")
 COLUMNS = ["place", "minus", "measure", "value", "low", "high", "seeds", "frames"]
 
 
@@ -44,14 +47,14 @@ class Place:
     hidden_percent: float  # percentage of the region's vehicles that are hidden; NaN if unknown
 
 
-def compare_places(folders: Sequence[Path], which: Subset = "present") -> pd.DataFrame:
+def compare_places(folders: Sequence[Path], which: Subset | None = None) -> pd.DataFrame:
     """Compares the AP and recall of mounts, with the paired differences of all pairs of mounts.
 
     Parameters
     ----------
     folders : a folder for each mount: an output folder of `pyinfra evaluate`, or a folder that has
         one output folder per traffic seed
-    which : ground-truth subset; `present` is the same for all mounts of a region
+    which : ground-truth subset; by default that of `shared_subset`
 
     Returns
     -------
@@ -66,7 +69,8 @@ def compare_places(folders: Sequence[Path], which: Subset = "present") -> pd.Dat
     Error : for places whose vehicles, frames, label times, classes, metrics or settings differ
     FileNotFoundError : for a folder without an evaluation
     """
-    places = [read_place(folder, which) for folder in folders]
+    subset = which or shared_subset(folders)
+    places = [read_place(folder, subset) for folder in folders]
     check_pairs(places)
     rows = []
     for place in places:
@@ -80,27 +84,33 @@ def compare_places(folders: Sequence[Path], which: Subset = "present") -> pd.Dat
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
+def shared_subset(folders: Sequence[Path]) -> Subset:
+    """Returns the first subset of COMPARABLE that all evaluations have, or `present` if none is.
+
+    Raises FileNotFoundError for a folder without an evaluation.
+    """
+    tables = [read_csv(file, required=REQUIRED) for place in folders for file in _files(place)]
+    have = [set(table.ground_truth[table.measure == "recall"]) for table in tables]
+    return next((name for name in COMPARABLE if all(name in names for names in have)), "present")
+
+
 def read_place(folder: Path, which: Subset) -> Place:
     """Reads the evaluations of a place, for one ground-truth subset.
 
     Raises Error if an evaluation lacks the subset, or if two evaluations have the same frames and
     vehicles. Raises FileNotFoundError for a folder without an evaluation.
     """
-    files = [existing(folder / "replicates.csv")]
-    if not files[0].is_file():
-        files = sorted(existing(ap.with_name("replicates.csv")) for ap in folder.glob("*/ap.csv"))
-    if not files:
-        raise not_found(folder, "No replicates.csv; `pyinfra evaluate` writes it")
     tables: dict[str, dict[str, pd.Series]] = {}
     objects = dict.fromkeys((which, "all"), 0)
-    for file in files:
+    for file in _files(folder):
         table = read_csv(file, required=REQUIRED)
         rows = table[table.ground_truth == which]
         if not set(MEASURES.values()) <= set(rows.measure):
             present = ", ".join(dict.fromkeys(table.ground_truth))
             raise Error(
                 f"{file}: expected recall for the ground-truth subset {which}, got rows of the "
-                f"subsets {present}; run `pyinfra evaluate` again with the subset {which}"
+                f"subsets {present}; run `pyinfra evaluate` again with `ground_truth` "
+                f"{' '.join(dict.fromkeys((which, 'all')))}"
             )
         digest = str(rows.vehicles_digest.iloc[0])
         if digest in tables:
@@ -117,6 +127,16 @@ def read_place(folder: Path, which: Subset) -> Place:
             objects[name] += counts.get(name, math.nan)
     hidden = 1 - objects["all"] / objects[which] if which == "present" else math.nan
     return Place(str(folder), tables, 100 * hidden)
+
+
+def _files(folder: Path) -> list[Path]:
+    """Returns the replicates of a place, one file for each seed. Raises FileNotFoundError."""
+    files = [existing(folder / "replicates.csv")]
+    if not files[0].is_file():
+        files = sorted(existing(ap.with_name("replicates.csv")) for ap in folder.glob("*/ap.csv"))
+    if not files:
+        raise not_found(folder, "No replicates.csv; `pyinfra evaluate` writes it")
+    return files
 
 
 def check_pairs(places: Sequence[Place]) -> None:

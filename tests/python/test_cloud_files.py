@@ -10,9 +10,12 @@ import pytest
 from recording_files import START_S, road, write_bag, write_packets
 
 from pyinfra.core.errors import Error, FormatError
+from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.formats import reader
 from pyinfra.exchange.guess import guess_format
+from pyinfra.exchange.imports import import_recording
 from pyinfra.exchange.recording import Options
+from pyinfra.formats.pcd_file import write_pcd
 
 OPTIONS = Options(intensity_max=255.0)
 UTM = np.array([691_000.0, 5_334_000.0, 512.0])
@@ -164,9 +167,6 @@ def test_refusals_name_what_was_found(
 
 
 def test_a_file_of_another_kind_than_the_given_format(tmp_path: Path) -> None:
-    from pyinfra.exchange.data_set import LidarFacts
-    from pyinfra.exchange.imports import import_recording
-
     bag = write_bag(tmp_path / "a.bag", "bag", "hesai", frames=1)
     with pytest.raises(Error, match="expected a recording of the format las, got bag"):
         import_recording(bag, "las", tmp_path / "in/p", LidarFacts("p", "s"), Options())
@@ -191,3 +191,29 @@ def test_damaged_files_are_named(name: str, content: bytes, tmp_path: Path) -> N
     format, _ = guess_format(tmp_path / name)
     with pytest.raises(FormatError, match=name):
         reader(format)(tmp_path / name, OPTIONS).read(0)
+
+
+HEADERS: dict[str, Callable[[Path], None]] = {
+    "header.pcd": lambda file: write_pcd(file, np.zeros(0, [(axis, "f4") for axis in "xyz"])),
+    "header.las": lambda file: write_las(file, np.zeros((0, 4))),
+    "header.laz": lambda file: write_las(file, np.zeros((0, 4))),
+    "header.ply": lambda file: write_ply(file, np.zeros((0, 4)), "ascii"),
+    "header.csv": lambda file: write_csv(file, np.zeros((0, 4)), "x,y,z,intensity\n", ","),
+    "header.npy": lambda file: np.save(file, np.zeros((0, 4), np.float32)),
+}
+ENDINGS = ("pcd", "las", "laz", "ply", "csv", "xyz", "npy", "bin", "pcap", "bag", "mcap", "db3")
+
+
+@pytest.mark.parametrize("skip_bad", [False, True])
+@pytest.mark.parametrize("name", [*HEADERS, *(f"empty.{ending}" for ending in ENDINGS)])
+def test_files_without_a_point_are_named(name: str, skip_bad: bool, tmp_path: Path) -> None:
+    file = tmp_path / "recording/points" / name
+    file.parent.mkdir(parents=True)
+    HEADERS.get(name, Path.touch)(file)
+    of_one_file = name.endswith(("pcap", "bag", "mcap", "db3"))
+    source = file if of_one_file else file.parents[name.endswith("npy")]
+    format, _ = guess_format(source)
+    with pytest.raises(Error, match=name):
+        import_recording(
+            source, format, tmp_path / "in/p", LidarFacts("p", "s"), Options(), skip_bad=skip_bad
+        )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -22,13 +23,42 @@ CASES: dict[str, tuple[list[str], Callable[..., Any]]] = {
     "site import": (["site", "import", "a", "--out", "b"], pi.import_map),
     "site mesh": (["site", "mesh", "a.ply", "--out", "b"], pi.import_mesh),
 }
+# The other commands of the first table in docs/api.md, and words that they need.
+SAME = CASES | {
+    "split": (["split", "a"], pi.split),
+    "statistics": (["statistics", "a", "--out", "b"], pi.statistics),
+    "pictures": (["pictures", "a", "--out", "b"], pi.pictures),
+    "report": (["report", "a", "--out", "b"], pi.report),
+    "recommend": (["recommend", "a", "--budget", "1"], pi.recommend),
+    "region": (["region", "a", "--out", "b"], pi.propose_region),
+    "onnx": (["onnx", "a", "--out", "b"], pi.export_onnx),
+    "site traffic": (["site", "traffic", "a"], pi.simulate_traffic),
+    "site draw": (["site", "draw", "a", "--out", "b.svg"], pi.draw_site),
+    "sites": (["sites", "--out", "a"], pi.make_sites),
+}
 
 
-@pytest.mark.parametrize("command", CASES)
+@pytest.mark.parametrize("command", SAME)
 def test_each_option_is_an_argument_of_the_function(command: str) -> None:
-    words, function = CASES[command]
+    words, function = SAME[command]
     given = set(vars(make_parser(words).parse_args(words))) - OF_PARSER
     assert given - set(inspect.signature(function).parameters) == set()
+
+
+@pytest.mark.parametrize(
+    ("function", "word", "hint"),
+    [
+        (pi.evaluate, "ground_truth", "settings=Settings(ground_truths=...)"),
+        (pi.evaluate, "min_score", "settings=Settings(min_score=...)"),
+        (pi.track, "birth_score", "settings=TrackSettings(birth_score=...)"),
+        (pi.plan, "heights_m", "grid=PoseGrid(heights_m=...)"),
+    ],
+)
+def test_a_field_of_settings_is_no_unknown_argument(
+    function: Callable[..., Any], word: str, hint: str
+) -> None:
+    with pytest.raises(pi.Error, match=re.escape(f"got '{word}'; write {hint}")):
+        function(**{word: 1})
 
 
 @pytest.mark.parametrize("command", CASES)

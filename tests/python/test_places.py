@@ -224,15 +224,15 @@ def test_a_difference_has_no_interval_if_the_ap_has_none(tmp_path: Path) -> None
 
 @pytest.mark.parametrize(
     ("words", "code"),
-    [(["one"], 2), (["one", "one"], 2), (["one", "missing"], 1), (["one", "visible"], 2)],
+    [(["one"], 2), (["one", "one"], 2), (["one", "missing"], 1), (["one", "captured"], 2)],
 )
 def test_places_that_cannot_be_compared_end_in_one_line(
     tmp_path: Path, words: list[str], code: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     evaluated(tmp_path / "one", vehicles(hidden=False))
-    visible = evaluated(tmp_path / "visible", vehicles(hidden=True))
-    table = pd.read_csv(visible / "replicates.csv")
-    table[table.ground_truth == "all"].to_csv(visible / "replicates.csv", index=False)
+    captured = evaluated(tmp_path / "captured", vehicles(hidden=True))
+    table = pd.read_csv(captured / "replicates.csv")
+    table.assign(ground_truth="captured").to_csv(captured / "replicates.csv", index=False)
     assert main.main(["compare", *(str(tmp_path / word) for word in words)]) == code
     assert capsys.readouterr().err.count("\n") == 1
 
@@ -250,3 +250,19 @@ def test_the_command_prints_and_writes_the_differences(
     assert "+50.0 [" in row
     assert lines[-1] == f"{beside} - {behind}: AP differs significantly"
     assert len(pd.read_csv(file)) == len(compare_places([behind, beside]))
+
+
+def test_folders_of_the_default_evaluation_are_compared_by_their_visible_vehicles(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    default = evaluated(tmp_path / "default", vehicles(hidden=False), 4, which="captured")
+    present = evaluated(tmp_path / "present", vehicles(hidden=False))
+    words = ["compare", str(default), str(present)]
+    assert main.main(words) == 0
+    first, second, *_ = capsys.readouterr().out.splitlines()
+    assert "because not all folders have present" in first
+    assert second.startswith("ground truth all,")
+    expected = compare_places([default, present], "all")
+    pd.testing.assert_frame_equal(compare_places([default, present]), expected)
+    assert main.main([*words, "--ground-truth", "present"]) == 2
+    assert "--ground-truth present all" in capsys.readouterr().err

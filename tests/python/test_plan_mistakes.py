@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,6 +12,7 @@ import yaml
 import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.core.errors import FormatError
+from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import configs, lidar_file, scene_file
 from pyinfra.experiments.planner import observe
 from pyinfra.experiments.planner.answer import false_boxes
@@ -135,7 +137,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scene["traffic"]["warm_up_s"] = 5
     still = {key: value for key, value in scene.items() if key not in ("traffic", "people")}
     house = {"x_m": -30, "y_m": 25, "length_m": 10, "width_m": 10, "height_m": 9}
-    scenes = {"small": scene, "still": still, "house": scene | {"buildings": [house]}}
+    row = {"road": "main", "offset_m": -8.7, "from_m": 100, "to_m": 125}
+    buses = row | {"class_shares": {"Bus": 1}, "occupied": 1}
+    scenes = {
+        "small": scene,
+        "still": still,
+        "house": scene | {"buildings": [house]},
+        "buses": {key: scene[key] for key in scene if key != "presets"} | {"parked": [buses]},
+    }
     for name, keys in scenes.items():
         (top / f"{name}.yaml").write_text(yaml.safe_dump(keys, sort_keys=False))
     rows = lidar_file("livox_avia").read_text().splitlines()
@@ -163,6 +172,34 @@ def test_a_mistake_is_answered_with_what_works(
     for word in words:
         assert word in error
     assert sorted(folder.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("site", "more", "message"),
+    [
+        ("small.yaml", {"lidars": ["free.yaml"]}, "free.yaml"),
+        ("small.yaml", {"lidars": ["none.yaml"]}, "lidars: "),
+        ("small.yaml", {"poses": "column.csv"}, "column.csv:1"),
+        ("small.yaml", {"areas": "radius.csv"}, "radius.csv:1"),
+        ("small.yaml", {"costs": "negative.csv"}, "negative.csv:2"),
+        # The buses of the seeds 1 to 3 are narrow enough.
+        ("buses.yaml", {"check_frames": 30}, "a parked vehicle on a lane.* traffic seed 4"),
+    ],
+)
+def test_inputs_are_checked_before_anything_is_simulated(
+    site: str,
+    more: dict[str, Any],
+    message: str,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def simulated(*_: object, **__: object) -> None:
+        raise AssertionError("the traffic was simulated")
+
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(simulation, "load_observer", simulated)
+    with pytest.raises(pi.Error, match=message):
+        pi.plan(site, 9000, **(TINY | more))
 
 
 def test_another_plan_is_not_replaced(folder: Path, tmp_path: Path) -> None:

@@ -15,15 +15,16 @@ from pyinfra.dataset.fused import fused
 from pyinfra.experiments.planner import answer, predict, simulate
 from pyinfra.experiments.planner import detectability as laws
 from pyinfra.experiments.planner.answer import price_line, verdict_lines
-from pyinfra.experiments.planner.check import paired, share
+from pyinfra.experiments.planner.check import cheaper_line, paired, share
 from pyinfra.experiments.planner.choice import Choice, Units
 from pyinfra.experiments.planner.costs import open_lidars, read_costs
 from pyinfra.experiments.planner.notes import how_chosen
-from pyinfra.experiments.planner.request import Request
+from pyinfra.experiments.planner.observe import Setting
+from pyinfra.experiments.planner.request import Effort, Request
 from pyinfra.experiments.planner.sensitivity import PRICES, Move, cases_of, losses, with_prices
 from pyinfra.experiments.planner.simulate import Found, frames_at
 from pyinfra.experiments.planner.site import PlanSite, choice_end, open_site, other_traffic
-from pyinfra.experiments.planner.verdict import Standing, in_order, verdict
+from pyinfra.experiments.planner.verdict import Compared, Standing, in_order, verdict
 from pyinfra.metrics.comparison import UNKNOWN, Interval, clipped
 
 POSE = [-14.0, 9.5, 5.0, -30.0, 0.0]
@@ -162,7 +163,7 @@ def test_the_lines_of_a_verdict_say_what_would_settle_or_change_it(units: Units)
     assert "A simulation in full" in how
     missed, how = verdict_lines([(first, standing(0.85))], request, 30)
     assert missed.startswith("Not met: 90 of 100 were asked for, and option 1 finds 85 of 100")
-    assert "`find` 0.83 would be met" in how
+    assert "a requested share of 0.83 would be met" in how
 
 
 @pytest.mark.parametrize(
@@ -172,13 +173,13 @@ def test_the_lines_of_a_verdict_say_what_would_settle_or_change_it(units: Units)
             Interval(0.97, 0.95, 0.99),
             Interval(0.10, 0.05, 0.15),
             "Not met: 90 of 100 with at most 6 false boxes a minute were asked for, and option 1",
-            "A higher budget or more poles may help; `false_per_minute` 90 would be met.",
+            "A higher budget or more poles may help; at most 90 false boxes a minute would be met.",
         ),
         (
             Interval(0.7, 0.6, 0.8),
             Interval(0.10, 0.05, 0.15),
             "Not met: 90 of 100 with at most 6 false boxes a minute were asked for, and option 1",
-            "A higher budget or more poles may help; `find` 0.6 and `false_per_minute` 90 would be",
+            "A higher budget or more poles may help; a requested share of 0.6 and at most 90 false",
         ),
         (
             Interval(0.97, 0.95, 0.99),
@@ -277,6 +278,23 @@ def test_a_change_is_paired_by_frame(site: PlanSite) -> None:
     alone = [share(one, np.ones(8, bool)) for one in (before, after)]
     assert change.high - change.low < sum(one.high - one.low for one in alone)
     assert paired(before, before, here, 60).is_significant is False
+
+
+def test_a_cheaper_option_that_may_find_as_much_is_named(site: PlanSite, units: Units) -> None:
+    """Option 1 finds four of eight vehicles more. One frame decides nothing, and twenty do."""
+    here, dear, cheap = replace(site, centre=np.zeros(2)), chosen(units, 0, 2), chosen(units, 3)
+    at = {dear.units: standing(0.5), cheap.units: standing(0.4)}
+    compared = Compared([dear, cheap], [], 2, units, (), at, lambda _: None, None)  # type: ignore
+    setting = Setting(here, Request(9000), Effort(tell=str), None, None, None, [])  # type: ignore
+    few = {dear.units: objects([[1, 1], [0, 0]]), cheap.units: objects([[0, 1], [0, 0]])}
+    line = cheaper_line(compared, few, setting)
+    less = units.price(dear.units).middle - units.price(cheap.units).middle
+    assert line.startswith(f"Option 2 costs US$ {less:,.0f} less, and its share does not differ")
+    many = {dear.units: objects([[1, 1]] * 20), cheap.units: objects([[0, 1], [0, 0]] * 10)}
+    assert cheaper_line(compared, many, setting) == ""
+    assert cheaper_line(compared, {}, setting) == ""
+    reached = replace(compared, standings=at | {dear.units: standing(0.95)})
+    assert cheaper_line(reached, few, setting) == ""
 
 
 def test_what_if_has_the_cases_that_a_site_allows(site: PlanSite) -> None:

@@ -12,11 +12,10 @@ import pandas as pd
 from pyinfra.dataset import simulation
 from pyinfra.dataset.frames_version import other_frames
 from pyinfra.experiments.fairness import caveat
-from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.choice import Choice, Units
 from pyinfra.experiments.planner.costs import CORES
 from pyinfra.experiments.planner.detectability import Detectability
-from pyinfra.experiments.planner.notes import how_chosen, left_out, usd
+from pyinfra.experiments.planner.notes import few_positions, how_chosen, left_out, usd
 from pyinfra.experiments.planner.observe import Setting
 from pyinfra.experiments.planner.predict import PREDICTED, SIMULATED, Standing
 from pyinfra.experiments.planner.request import Request
@@ -66,14 +65,17 @@ def answer_of(
     moves: Sequence[Move],
     sensitivity: pd.DataFrame,
     counting: Counting | None,
+    cheaper: str = "",
 ) -> Answer:
-    """Makes the sentences. rows, every: the tables of options and candidates."""
+    """Makes the sentences. rows, every: the tables of options and candidates; cheaper: its line."""
     site, request, units = setting.site, setting.request, compared.units
     options = compared.stands[: compared.listed]
     frames = len(site.other_frames(setting.effort.check_frames))
+    held, *then = verdict_lines(options, request, frames)
     lines = [
         f"{asked(site, request)} {caveat(rows.lidar, setting.law.gains)}".rstrip(),
-        *verdict_lines(options, request, frames),
+        held,
+        " ".join(filter(None, [*then, cheaper])),
         *(
             f"{i}. {sentence(one, rows[rows.option == i], request)}"
             for i, one in enumerate(options[:LISTED], start=1)
@@ -145,22 +147,23 @@ def verdict_lines(options: Sequence[Option], request: Request, frames: int) -> I
         case "not met":
             yield f"Not met: {wanted:g} of 100{also} were asked for, and {first}."
             least, most = math.floor(100 * share.low) / 100, math.ceil(per_minute * rate.high)
-            values = {"find": f"{least}", "false_per_minute": f"{most}"}
-            missed = " and ".join(f"`{name}` {values[name]}" for name in deciding)
+            few = f"at most {most} false boxes a minute"
+            values = {"find": f"a requested share of {least}", "false_per_minute": few}
+            missed = " and ".join(values[name] for name in deciding)
             yield f"A higher budget or more poles may help; {missed} would be met."
 
 
 def settled_by(standing: Standing, request: Request, frames: int) -> str:
     """Returns what would settle a verdict that is not known."""
     if standing.source != SIMULATED:
-        return "A simulation in full (`check_frames` of 30 or more) gives a narrower interval."
+        return "A simulation in full, of 30 frames or more, gives a narrower interval."
     most, name = max((n, name) for name, n in frames_needed(standing, request, frames).items())
     if most > MOST_FRAMES:
         figure = "share" if name == "find" else "number of false boxes"
         return f"The {figure} is too close to the requirement for a practical simulation."
     return (
-        f"About {math.ceil(most / 10 - 1e-9) * 10:,} simulated frames (`check_frames`) may answer "
-        "this; a recording at the site would."
+        f"About {math.ceil(most / 10 - 1e-9) * 10:,} simulated frames may answer this; a recording "
+        "at the site would."
     )
 
 
@@ -271,17 +274,6 @@ def doubts(
         ),
     )
     return (f"{text}." for holds, text in every_doubt if holds and text)
-
-
-def few_positions(poses: pd.DataFrame, request: Request) -> str:
-    """Returns a sentence if fewer positions are possible than poles are asked for."""
-    count = len(poses.drop_duplicates(POSE[:2]))
-    if count >= request.poles:
-        return ""
-    return (
-        f"Only {count} {'position is' if count == 1 else 'positions are'} possible, fewer than the "
-        f"{request.poles} poles of the request."
-    )
 
 
 def price_line(

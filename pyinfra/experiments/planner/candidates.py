@@ -98,6 +98,17 @@ def make_candidates(site: PlanSite, within_m: float, grid: PoseGrid) -> pd.DataF
 def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
     """Reads poses from a CSV file. Heights, yaws or pitches that a row does not give are made.
 
+    Raises the errors of `read_poses`.
+    """
+    poses = read_poses(file, site.file.parent)
+    ground, _ = nearest_roads(site.roads, poses[["x_m", "y_m"]].to_numpy(float))
+    poses = filled(poses, "z_m", [{"z_m": ground + h} for h in grid.heights_m])
+    return turned(poses, site, grid)
+
+
+def read_poses(file: Path, folder: Path) -> pd.DataFrame:
+    """Reads poses from a CSV file, for a site in a folder.
+
     Columns: x_m, y_m; optional z_m, yaw_deg, pitch_deg, and existing (yes or no) for a mast that
     needs no new pole; arm_m and bearing_deg for an arm of the mast, at whose end the LiDAR is.
     Raises FormatError with file, line and column.
@@ -113,7 +124,7 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
     for name in [name for name in (*POSE, *ARM) if name in table]:
         blank = table[name].isna() & (name not in POSE[:2])
         expect(file, table[name], blank | (table[name].abs() <= 1e5), "a number")
-    check_metres(site.file.parent, table[POSE[:2]].to_numpy(float), f"{file}: x_m, y_m")
+    check_metres(folder, table[POSE[:2]].to_numpy(float), f"{file}: x_m, y_m")
     table["existing"] = table.existing.fillna("no") if "existing" in table else "no"
     expect(file, table.existing, table.existing.isin(["yes", "no"]), "yes or no")
     rows = table.drop_duplicates(["x_m", "y_m", "existing"])
@@ -122,10 +133,7 @@ def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
         raise FormatError(
             f"{file}:{twice[0] + 2}: existing: expected one value for each position, got yes and no"
         )
-    poses = on_arms(table.assign(kind="file", existing=table.existing == "yes"), file)
-    ground, _ = nearest_roads(site.roads, poses[["x_m", "y_m"]].to_numpy(float))
-    poses = filled(poses, "z_m", [{"z_m": ground + h} for h in grid.heights_m])
-    return turned(poses, site, grid)
+    return on_arms(table.assign(kind="file", existing=table.existing == "yes"), file)
 
 
 def filled(

@@ -9,12 +9,13 @@ import numpy as np
 from pyinfra.core.arrays import AnyArray, BoolArray
 from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.choice import Choice, first_at_each_place, listed
+from pyinfra.experiments.planner.notes import usd
 from pyinfra.experiments.planner.observe import Setting
 from pyinfra.experiments.planner.predict import SIMULATED, Standing, moved_by_frame
 from pyinfra.experiments.planner.request import Request, masks_of, weighted, with_objects
 from pyinfra.experiments.planner.simulate import Found, Parts, simulate_option
 from pyinfra.experiments.planner.site import PlanSite
-from pyinfra.experiments.planner.verdict import LISTED, Compared, in_order
+from pyinfra.experiments.planner.verdict import LISTED, Compared, in_order, verdict
 from pyinfra.metrics.comparison import UNKNOWN, Interval, clipped
 from pyinfra.metrics.intervals import student
 
@@ -142,3 +143,30 @@ def paired(before: Found, after: Found, site: PlanSite, within_m: float) -> Inte
         for some, value in zip(near, (first, then), strict=True)
     )
     return _over_frames(then - first, n * float((b - a).var(ddof=1)), n, (-math.inf, math.inf))
+
+
+def cheaper_line(
+    compared: Compared, found: Mapping[tuple[int, ...], Found], setting: Setting
+) -> str:
+    """Returns a sentence about the cheapest option whose share is not significantly another one.
+
+    Only listed options that were simulated in the frames of option 1 are compared. The text is
+    empty if there is none, or if option 1 meets the request.
+    """
+    first, *others = compared.options[: compared.listed]
+    met = verdict(compared.standings[first.units], setting.request) == "met"
+    if met or first.units not in found:
+        return ""
+    for one in sorted(others, key=lambda one: one.price.middle):
+        if one.units not in found or one.price.middle >= first.price.middle:
+            continue
+        pair = found[first.units], found[one.units]
+        change = paired(*pair, setting.site, setting.request.within_m)
+        if change.is_known and not change.is_significant:
+            return (
+                f"Option {compared.number(one)} costs {usd(first.price.middle - one.price.middle)} "
+                f"less, and its share does not differ significantly from that of option 1 "
+                f"({100 * change.value:+.0f} of 100 [{100 * change.low:+.0f} to "
+                f"{100 * change.high:+.0f}])."
+            )
+    return ""

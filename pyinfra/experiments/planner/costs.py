@@ -75,15 +75,20 @@ class PlanLidar:
 def open_lidars(names: Sequence[StrPath], site: PlanSite) -> list[PlanLidar]:
     """Opens LiDARs by name or file; without names, all of the catalogue that have the preset."""
     world = simulation.load_scene(site.file, preset=site.preset, mount=site.mount)
-    lidars = [_open(file, site.preset, world) for file in _files(names, site.preset)]
-    if twice := repeated([lidar.name for lidar in lidars]):
-        raise Error(f"lidars: expected each LiDAR once, got {twice} twice")
-    return lidars
+    return [_open(file, site.preset, world) for file in _files(names, site.preset)]
 
 
 def common_period_s(names: Sequence[StrPath], preset: str) -> float:
-    """Returns the frame period of LiDARs, as in `open_lidars`. Raises Error if periods differ."""
-    units = [simulation.load_lidar(file, preset) for file in _files(names, preset)]
+    """Returns the frame period of LiDARs, as in `open_lidars`.
+
+    Raises Error if periods differ, for a LiDAR without a price, and for a LiDAR given twice.
+    """
+    files = _files(names, preset)
+    units = [simulation.load_lidar(file, preset) for file in files]
+    if twice := repeated([unit.name for unit in units]):
+        raise Error(f"lidars: expected each LiDAR once, got {twice} twice")
+    for file, unit in zip(files, units, strict=True):
+        _price(file, unit)
     for unit in units:
         if unit.period_s != units[0].period_s:
             raise Error(
@@ -100,15 +105,21 @@ def _files(names: Sequence[StrPath], preset: str) -> list[Path]:
     return [file_or_name(name, files, "lidars") for name in names]
 
 
-def _open(file: Path, preset: str, world: simulation.World) -> PlanLidar:
-    unit = simulation.load_lidar(file, preset)
-    described, _ = kitti.parse_lidar(world.lidar_yaml(unit), f"{file.name}: lidar.yaml")
-    price = Range(*described.price_usd)
+def _price(file: Path, unit: simulation.Lidar) -> Range:
+    keys = yaml.safe_load(unit.dump())["price_usd"]
+    price = Range(float(keys["low"]), float(keys["high"]))
     if not (math.isfinite(price.middle) and price.low > 0):
         raise Error(
             f"lidars: expected a price of {unit.name}, got none; set it in {file.name}, such as "
             "`price_usd: {low: 2000, high: 3000}`"
         )
+    return price
+
+
+def _open(file: Path, preset: str, world: simulation.World) -> PlanLidar:
+    unit = simulation.load_lidar(file, preset)
+    described, _ = kitti.parse_lidar(world.lidar_yaml(unit), f"{file.name}: lidar.yaml")
+    price = _price(file, unit)
     views = [unit.azimuth[1] - unit.azimuth[0] for unit in described.field_of_view]
     around = min(360.0, sum(math.degrees(view) for view in views)) >= ALL_AROUND_DEG
     spinning = spins(yaml.safe_load(unit.dump()))

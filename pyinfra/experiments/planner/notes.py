@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
+from pyinfra.experiments.planner.candidates import POSE
 from pyinfra.experiments.planner.choice import Choice, Units, most_units
 from pyinfra.experiments.planner.predict import SIMULATED, Standing
 from pyinfra.experiments.planner.request import Request
@@ -66,3 +67,14 @@ def left_out(every: pd.DataFrame) -> Iterator[str]:
     if len(raced):
         texts = "; ".join(f"{count} {reason}" for reason, count in raced.items())
         yield f"{raced.sum()} of {len(pairs)} pairs of pose and LiDAR were left out: {texts}."
+
+
+def few_positions(poses: pd.DataFrame, request: Request) -> str:
+    """Returns a sentence if fewer positions are possible than poles are asked for."""
+    count = len(poses.drop_duplicates(POSE[:2]))
+    if count >= request.poles:
+        return ""
+    return (
+        f"Only {count} {'position is' if count == 1 else 'positions are'} possible, fewer than the "
+        f"{request.poles} poles of the request."
+    )

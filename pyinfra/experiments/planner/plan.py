@@ -25,9 +25,10 @@ from pyinfra.experiments.planner.candidates import (
     feasible,
     make_candidates,
     read_candidates,
+    read_poses,
     with_faults,
 )
-from pyinfra.experiments.planner.check import check, parts_of
+from pyinfra.experiments.planner.check import cheaper_line, check, parts_of
 from pyinfra.experiments.planner.costs import (
     PlanLidar,
     affordable,
@@ -56,7 +57,7 @@ from pyinfra.experiments.planner.sensitivity import (
     sensitivity_table,
     simulated_rows,
 )
-from pyinfra.experiments.planner.simulate import Counting, count_option
+from pyinfra.experiments.planner.simulate import SEEDS, Counting, count_option
 from pyinfra.experiments.planner.site import PlanSite, open_site, scene_path
 from pyinfra.experiments.planner.tables import (
     candidate_table,
@@ -218,7 +219,14 @@ def plan(
     grid = grid or PoseGrid()
     check_grid(grid)
     priced = read_costs(None if costs is None else path_of(costs, "costs"), years, law, period_s)
-    site = open_site(scene, frames, preset=preset, seed=seed, centre_m=centre_m, period_s=period_s)
+    if poses is not None:
+        read_poses(path_of(poses, "poses"), scene_path(scene).parent)
+    # One seed for the predictions, and those of the simulations.
+    further = 1 + min(max(check_frames, count is not None), SEEDS)
+    site = open_site(
+        scene, frames, preset=preset, seed=seed, centre_m=centre_m, period_s=period_s,
+        further_seeds=further,
+    )  # fmt: skip
     check_site(site, request, law, check_frames, drawn=areas is not None)
 
     # Make the candidates: poses and LiDARs.
@@ -255,7 +263,8 @@ def plan(
         of_front = option_table(compared, setting, in_rain)
         options = of_front[of_front.option <= compared.listed].copy()
         every = candidate_table(table, raced.pairs, setting.poses, units)
-        answer = answer_of(compared, setting, options, every, moves, sensitivity, counting)
+        cheaper = cheaper_line(compared, found, setting)
+        answer = answer_of(compared, setting, options, every, moves, sensitivity, counting, cheaper)
         prices = lowest_prices(asked, setting.poses, priced)
         if folder is not None:
             write_tables(folder, options=options, front=of_front, candidates=every)

@@ -100,9 +100,11 @@ def open_site(
     seed: int | None = None,
     centre_m: tuple[float, float] | None = None,
     period_s: float = PERIOD_S,
+    further_seeds: int = 0,
 ) -> PlanSite:
     """Opens a scene, or the scene of a site folder. `period_s` is the LiDARs' frame period.
 
+    further_seeds: number of traffic seeds after that of `seed` with which the scene is checked.
     Raises Error without traffic in the region, and for positions in longitude and latitude.
     """
     if centre_m is not None and not np.isfinite(centre_m).all():
@@ -115,6 +117,16 @@ def open_site(
     check_metres(file.parent, feet, f"{file}: mounts: x_m, y_m")
     if centre_m is not None:
         check_metres(file.parent, np.array([centre_m]), "centre_m")
+    own_seed = int(keys.get("seed", 1))
+    seeds = min(further_seeds, 1) if keys.get("trajectories") else further_seeds
+    for other in range(own_seed + 1, own_seed + 1 + seeds):
+        try:
+            simulation.load_scene(file, preset=preset, seed=other, mount=mount)
+        except Error as error:
+            raise Error(
+                f"{error}; this is with the traffic seed {other}, which a plan with the seed "
+                f"{own_seed} also simulates"
+            ) from None
     count = world.frames_of(period_s)
     order = frame_order(choice_end(keys, count), frames)
     observed = SiteObserver(
