@@ -197,7 +197,9 @@ def test_markers_of_one_array_may_be_in_different_frames(tmp_path: Path) -> None
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_frame_without_a_transform_is_refused(kind: str, tmp_path: Path) -> None:
     path = write(tmp_path / "a", lambda m, t: m.boxes(kind, "map", t), tf=False)
-    with pytest.raises(Error, match=r"/boxes: expected boxes in 'lidar' .*, got 'map'"):
+    with pytest.raises(
+        Error, match=r"/boxes: expected boxes in the frame 'lidar' .*, got the frame 'map'"
+    ):
         read(path, Options())
 
 

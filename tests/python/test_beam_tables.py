@@ -93,7 +93,7 @@ def test_rays_of_livox(tmp_path: Path) -> None:
         ("a.json", "[", "cannot be read"),
         ("a.yaml", "a: 1", "expected Velodyne's key 'lasers', got the keys a"),
         ("a.yaml", "lasers: [{vert_correction: x}]", "expected a finite number, got 'x'"),
-        ("a.yaml", "lasers: [{vert_correction: 15}]", "expected an elevation up to 90"),
+        ("a.yaml", "lasers: [{vert_correction: 15}]", "expected an elevation of -90 to 90 degrees"),
         ("a.xml", "<a/>", "expected Velodyne's elements <vertCorrection_>"),
         ("a.csv", "x,y,z\n", "expected a table of Hesai"),
     ],

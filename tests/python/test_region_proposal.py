@@ -164,7 +164,7 @@ def test_areas_have_several_outlines_and_holes(name: str, tmp_path: Path) -> Non
             "expected the keys outline_m, outlines_m and holes_m, got 'outline'",
         ),
         (shapely.Point(1, 2), "expected a Polygon or MultiPolygon, got Point"),
-        ([[0, 0], [1, "a"]], "corners: expected numbers"),
+        ([[0, 0], [1, "a"]], "corners: expected an array"),
     ],
 )
 def test_wrong_areas_are_named(area: object, message: str) -> None:
