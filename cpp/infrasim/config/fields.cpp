@@ -10,12 +10,6 @@ namespace infrasim::config {
 
 namespace {
 
-std::string join(std::span<const char* const> names) {
-  std::string text;
-  for (const char* name : names) text += (text.empty() ? "" : ", ") + std::string(name);
-  return text;
-}
-
 std::string value_text(const Tree& tree) {
   switch (tree.kind) {
     case Tree::Kind::kNull:
@@ -52,6 +46,20 @@ bool parse_double(const std::string& text, double& value) {
   const auto number = parse_number<double>(std::string_view(text).substr(plus ? 1 : 0));
   value = number.value_or(kInf);
   return std::isfinite(value);
+}
+
+/// Returns the current name of a key that is given by its canonical name, which is that of version
+/// 0.3; no value for any other key.
+std::optional<std::string> current_name(const std::string& key, const std::string& path,
+                                        const CanonicalKeys& canonical) {
+  for (const RenamedKey& renamed : canonical.renamed) {
+    if (key != renamed.canonical) continue;
+    const std::string_view now = renamed.path.substr(renamed.path.rfind('.') + 1);
+    std::string current = path;
+    current.append(".").append(now);
+    if (ends_as(current, renamed.path)) return std::string(now);
+  }
+  return std::nullopt;
 }
 
 }  // namespace
@@ -103,10 +111,8 @@ const Tree* FieldReader::take(const char* key, const Rule& rule) {
 void FieldReader::finish() const {
   for (std::size_t i = 0; i < map_.keys.size(); ++i) {
     if (std::ranges::find(taken_, map_.keys[i]) != taken_.end()) continue;
-    std::vector<const char*> names;
-    for (const std::string& name : taken_) names.push_back(name.c_str());
     fail(map_.items[i].place, full(map_.keys[i].c_str()),
-         "expected " + join(names) + ", got an unknown key");
+         "expected " + listed(taken_) + ", got an unknown key");
   }
   if (!failed_check_) return;
   const auto& [key, what] = *failed_check_;
@@ -202,7 +208,7 @@ std::size_t FieldReader::read_name(const Tree& tree, const std::string& key,
                                    std::span<const char* const> names) {
   for (std::size_t i = 0; i < names.size(); ++i)
     if (tree.kind == Tree::Kind::kScalar && tree.scalar == names[i]) return i;
-  fail(tree.place, key, expected(join(names), tree));
+  fail(tree.place, key, expected(listed(names), tree));
 }
 
 bool ends_as(std::string_view path, std::string_view pattern) {
@@ -222,24 +228,6 @@ bool ends_as(std::string_view path, std::string_view pattern) {
   }
   return true;
 }
-
-namespace {
-
-/// Returns the current name of a key that is given by its canonical name, which is that of version
-/// 0.3; no value for any other key.
-std::optional<std::string> current_name(const std::string& key, const std::string& path,
-                                        const CanonicalKeys& canonical) {
-  for (const RenamedKey& renamed : canonical.renamed) {
-    if (key != renamed.canonical) continue;
-    const std::string_view now = renamed.path.substr(renamed.path.rfind('.') + 1);
-    std::string current = path;
-    current.append(".").append(now);
-    if (ends_as(current, renamed.path)) return std::string(now);
-  }
-  return std::nullopt;
-}
-
-}  // namespace
 
 void check_current_names(const Tree& tree, const CanonicalKeys& canonical,
                          const std::string& path) {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -14,7 +13,6 @@
 #include "infrasim/config/tree.h"
 #include "infrasim/core/fraction.h"
 #include "infrasim/core/geometry.h"
-#include "infrasim/core/named_map.h"
 
 // Each configuration struct has one function `visit(fields, struct)` that names its keys. A
 // FieldReader fills the struct from a Tree. A FieldWriter prints the struct as YAML, including keys
@@ -54,8 +52,12 @@ void expect_map(const Tree& tree, const std::string& key);
 /// @throws ConfigError if `presets` is not a map
 std::optional<Tree> take_presets(Tree& tree);
 
+/// A std::map or a NamedMap, with names as keys.
 template <class T>
-concept Struct = std::is_class_v<T> && !std::is_same_v<T, std::string> &&
+concept Map = requires { typename T::mapped_type; };
+
+template <class T>
+concept Struct = std::is_class_v<T> && !Map<T> && !std::is_same_v<T, std::string> &&
                  !std::is_same_v<T, Vec2> && !std::is_same_v<T, Fraction>;
 
 class FieldReader {
@@ -118,17 +120,8 @@ class FieldReader {
     for (std::size_t i = 0; i < tree.items.size(); ++i)
       read(tree.items[i], key + "." + std::to_string(i), value.emplace_back(), rule);
   }
-  template <class T>
-  static void read(const Tree& tree, const std::string& key, std::map<std::string, T>& value,
-                   const Rule& rule) {
-    read_entries(tree, key, value, rule);
-  }
-  template <class T>
-  static void read(const Tree& tree, const std::string& key, NamedMap<T>& value, const Rule& rule) {
-    read_entries(tree, key, value, rule);
-  }
-  template <class Map>
-  static void read_entries(const Tree& tree, const std::string& key, Map& value, const Rule& rule) {
+  template <Map T>
+  static void read(const Tree& tree, const std::string& key, T& value, const Rule& rule) {
     expect(tree, Tree::Kind::kMap, key, "a map");
     expect_items(tree, key, rule);
     value.clear();
@@ -211,16 +204,8 @@ class FieldWriter {
       }
     }
   }
-  template <class T>
-  void write(std::map<std::string, T>& map) {
-    write_entries(map);
-  }
-  template <class T>
-  void write(NamedMap<T>& map) {
-    write_entries(map);
-  }
-  template <class Map>
-  void write_entries(Map& map) {
+  template <Map T>
+  void write(T& map) {
     if (map.empty()) text_ += " {}";
     indent_ += 2;
     for (auto& [key, value] : map) entry(key, value, &FieldWriter::quoted_name);

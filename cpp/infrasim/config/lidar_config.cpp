@@ -5,11 +5,8 @@
 #include <cstring>
 #include <numeric>
 
-#include "infrasim/config/fields.h"
-#include "infrasim/config/key_list.h"
+#include "infrasim/config/lidar_keys.h"
 #include "infrasim/config/lidar_tables.h"
-#include "infrasim/config/pattern_keys.h"
-#include "infrasim/config/returns_keys.h"
 #include "infrasim/core/errors.h"
 #include "infrasim/core/rng.h"
 
@@ -108,12 +105,9 @@ config::Tree preset_tree(const std::filesystem::path& file, const std::string& p
     return tree;
   }
   const config::Tree* chosen = presets->find(preset);
-  if (chosen == nullptr) {
-    std::string names;
-    for (const std::string& name : presets->keys) names += (names.empty() ? "" : ", ") + name;
+  if (chosen == nullptr)
     config::fail(presets->place, "presets",
-                 "expected " + names + ", got unknown preset '" + preset + "'");
-  }
+                 "expected " + listed(presets->keys) + ", got unknown preset '" + preset + "'");
   config::expect_map(*chosen, "presets." + preset);
   return config::merged(tree, *chosen);
 }
@@ -255,6 +249,27 @@ LidarConfig lidar_of(const std::filesystem::path& file, const LidarFile& keys,
   return out;
 }
 
+LidarFile keys_of(const LidarConfig& lidar) {
+  LidarFile keys{lidar.name, lidar.model, std::nullopt, std::nullopt, std::nullopt, {}};
+  const LidarUnit& first = lidar.units.front();
+  keys.price_usd = lidar.price_usd;
+  if (lidar.units.size() == 1 && first.yaw_deg == 0 && first.pitch_deg == 0) {
+    keys.pattern = first.pattern;
+    keys.returns = first.returns;
+  } else {
+    for (const LidarUnit& u : lidar.units)
+      keys.bundle.push_back({std::nullopt, u.yaw_deg, u.pitch_deg, u.pattern, u.returns});
+  }
+  return keys;
+}
+
+/// Returns the canonical text of a LiDAR's keys. The price of several units is left out, because
+/// files of earlier versions do not have it.
+std::string canonical_of(LidarFile keys) {
+  if (keys.bundle.size() > 1) keys.price_usd.reset();
+  return config::canonical_text(keys);
+}
+
 }  // namespace
 
 double rays_per_s(const PatternConfig& pattern) {
@@ -301,31 +316,6 @@ std::vector<std::string> preset_names(const std::filesystem::path& file) {
   const config::Tree* presets = tree.find("presets");
   return presets == nullptr ? std::vector<std::string>{} : presets->keys;
 }
-
-namespace {
-
-LidarFile keys_of(const LidarConfig& lidar) {
-  LidarFile keys{lidar.name, lidar.model, std::nullopt, std::nullopt, std::nullopt, {}};
-  const LidarUnit& first = lidar.units.front();
-  keys.price_usd = lidar.price_usd;
-  if (lidar.units.size() == 1 && first.yaw_deg == 0 && first.pitch_deg == 0) {
-    keys.pattern = first.pattern;
-    keys.returns = first.returns;
-  } else {
-    for (const LidarUnit& u : lidar.units)
-      keys.bundle.push_back({std::nullopt, u.yaw_deg, u.pitch_deg, u.pattern, u.returns});
-  }
-  return keys;
-}
-
-/// Returns the canonical text of a LiDAR's keys. The price of several units is left out, because
-/// files of earlier versions do not have it.
-std::string canonical_of(LidarFile keys) {
-  if (keys.bundle.size() > 1) keys.price_usd.reset();
-  return config::canonical_text(keys);
-}
-
-}  // namespace
 
 std::string dump_lidar(const LidarConfig& lidar) { return config::dump_struct(keys_of(lidar)); }
 

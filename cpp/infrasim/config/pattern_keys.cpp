@@ -1,10 +1,7 @@
-#include "infrasim/config/pattern_keys.h"
+#include "infrasim/config/lidar_keys.h"
 
 #include <cmath>
 #include <numeric>
-
-#include "infrasim/config/fields.h"
-#include "infrasim/config/key_list.h"
 
 namespace infrasim {
 

@@ -1,8 +1,4 @@
-#include "infrasim/config/road_keys.h"
-
-#include "infrasim/config/fields.h"
-#include "infrasim/config/key_list.h"
-#include "infrasim/config/shared_keys.h"
+#include "infrasim/config/scene_keys.h"
 
 namespace infrasim {
 

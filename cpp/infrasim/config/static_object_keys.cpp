@@ -1,8 +1,5 @@
-#include "infrasim/config/static_object_keys.h"
+#include "infrasim/config/scene_keys.h"
 
-#include "infrasim/config/fields.h"
-#include "infrasim/config/key_list.h"
-#include "infrasim/config/shared_keys.h"
 #include "infrasim/core/math.h"
 
 namespace infrasim {

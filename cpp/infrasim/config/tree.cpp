@@ -105,12 +105,6 @@ std::optional<YAML::Mark> second_document(const std::string& text) {
   return std::nullopt;
 }
 
-Tree* find_mutable(Tree& tree, std::string_view key) {
-  const auto it = std::ranges::find(tree.keys, key);
-  return it == tree.keys.end() ? nullptr
-                               : &tree.items[static_cast<std::size_t>(it - tree.keys.begin())];
-}
-
 /// Returns the child of a node for one step of a dotted path. A child that is missing in a map is
 /// created.
 Tree& child(Tree& tree, const std::string& step, const std::string& option) {
@@ -124,7 +118,8 @@ Tree& child(Tree& tree, const std::string& step, const std::string& option) {
   if (tree.kind == Tree::Kind::kScalar)
     fail({option}, step, "expected a map or a list, got a plain value");
   tree.kind = Tree::Kind::kMap;
-  if (Tree* child = find_mutable(tree, step)) return *child;
+  const auto at = std::ranges::find(tree.keys, step) - tree.keys.begin();
+  if (at < std::ssize(tree.keys)) return tree.items[static_cast<std::size_t>(at)];
   tree.keys.push_back(step);
   tree.items.emplace_back();
   tree.items.back().place = {option};
@@ -147,16 +142,12 @@ std::optional<Tree> take(Tree& map, std::string_view key) {
   return value;
 }
 
-std::string message(const Place& place, std::string_view key, std::string_view what) {
+void fail(const Place& place, std::string_view key, std::string_view what) {
   std::string text = place.file;
   if (place.line > 0) text += ":" + std::to_string(place.line) + ":" + std::to_string(place.column);
   text += ": " + std::string(key) + ": " + std::string(what);
   std::ranges::replace(text, '\n', ' ');
-  return text;
-}
-
-void fail(const Place& place, std::string_view key, std::string_view what) {
-  throw ConfigError(message(place, key, what));
+  throw ConfigError(text);
 }
 
 /// Rejects control characters and bytes that are not UTF-8. yaml-cpp would stop reading at some of

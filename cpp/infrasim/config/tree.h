@@ -33,9 +33,7 @@ struct Tree {
 /// Removes a key from a map and returns its value; nothing if the key is missing.
 std::optional<Tree> take(Tree& map, std::string_view key);
 
-/// Returns the error message "file:line:col: key: what" as one line.
-std::string message(const Place& place, std::string_view key, std::string_view what);
-
+/// Throws an error with the message "file:line:col: key: what" in one line.
 [[noreturn]] void fail(const Place& place, std::string_view key, std::string_view what);
 
 /// @throws ConfigError on malformed YAML, duplicate keys, or aliases that expand the file too much
