@@ -16,8 +16,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kMostLinks = 40;  // maximum number of links in a chain, as in the Linux kernel
-
 using FileNumber = std::pair<dev_t, ino_t>;
 
 /// The files that this process has opened to read. Nothing is recorded before `on` is set.
@@ -53,19 +51,6 @@ const char* kind_of(fs::file_type type) {
 }
 
 }  // namespace
-
-fs::path link_target(const fs::path& path) {
-  fs::path target = path;
-  std::error_code error;
-  for (int links = 0; fs::is_symlink(fs::symlink_status(target, error)); ++links) {
-    if (links == kMostLinks)
-      throw ConfigError(path.string() + ": expected a file, got a loop of symbolic links");
-    const fs::path next = fs::read_symlink(target, error);
-    if (error) return target;
-    target = target.parent_path() / next;
-  }
-  return target;
-}
 
 void expect_regular(const fs::path& file) {
   std::error_code error;
