@@ -7,7 +7,6 @@
 #include "infrasim/pipeline/world.h"
 #include "infrasim/scene/overlaps.h"
 #include "infrasim/scene/parked.h"
-#include "infrasim/scene/traffic.h"
 #include "small_scenes.h"
 
 namespace infrasim {
@@ -15,6 +14,7 @@ namespace {
 
 using testing::configs;
 using testing::error_of;
+using testing::simulate_traffic;
 using testing::TestFolder;
 
 /// The curve for five seconds, with rows of parked vehicles.
