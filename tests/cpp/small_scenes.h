@@ -23,6 +23,7 @@
 #include "infrasim/pipeline/simulate.h"
 #include "infrasim/scene/region.h"
 #include "infrasim/scene/site.h"
+#include "infrasim/scene/traffic.h"
 #include "infrasim/scene/trajectories.h"
 
 namespace infrasim::testing {
@@ -132,6 +133,14 @@ inline Trajectories straight_on(const std::vector<ObjectState>& at_start, int fr
       s.box.y += s.speed_m_s * k * kRowStep_s * std::sin(s.box.heading);
     }
   }
+  return out;
+}
+
+/// The vehicles of a scene's simulated traffic at all instants.
+inline Trajectories simulate_traffic(const Site& site) {
+  Trajectories out;
+  TrafficSteps steps(site);
+  for (int k = 0; k <= row_steps(site.scene.duration_s); ++k) out.rows.push_back(steps.next());
   return out;
 }
 

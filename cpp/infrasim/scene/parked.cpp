@@ -19,19 +19,13 @@ constexpr std::size_t kMost =
 // number of the first random sample after those of class and size
 constexpr unsigned kAfterParkedSize = 7;
 
-/// The line through the centres of a row's vehicles.
-Curve line_of(const Curve& whole, const ParkedConfig& row) {
-  const double to = std::min(row.to_m, whole.length());
-  if (row.from_m >= to)
-    config::fail(row.place, "from_m",
-                 "expected a value before to_m and the road's end, got one beyond");
-  return whole.part(row.from_m, to).offset(row.offset_m);
-}
-
 class Row {
  public:
   Row(const Road& road, const ParkedConfig& config, Rng rng)
-      : config_(config), rng_(rng), line_(line_of(road.centreline, config)), road_(road.config) {}
+      : config_(config),
+        rng_(rng),
+        line_(line_beside(road.centreline, config)),
+        road_(road.config) {}
 
   void append_to(std::vector<ParkedVehicle>& out) const {
     double s = 0;
@@ -71,7 +65,7 @@ class Row {
 
   const ParkedConfig& config_;
   Rng rng_;
-  Curve line_;
+  Curve line_;  ///< line through the centres of the vehicles
   const RoadConfig& road_;
 };
 

@@ -66,21 +66,14 @@ StateSource::StateSource(const Site& site) : site_(site) {
 }
 
 void StateSource::each(const StateSink& sink) const {
-  each(sink, row_steps(site_.scene.duration_s) + 1);
-}
-
-void StateSource::each(const StateSink& sink, int instants) const {
   StateSteps steps(*this);
-  for (int k = 0; k < instants; ++k) sink(steps.next());
+  for (int k = 0; k <= row_steps(site_.scene.duration_s); ++k)
+    sink(with_standing(steps.next_moving(), standing_));
 }
 
 StateSteps::StateSteps(const StateSource& source)
     : source_(source), people_(source.site_.scene, source.site_.centrelines) {
   if (source.site_.scene.traffic) traffic_.emplace(source.site_);
-}
-
-std::vector<ObjectState> StateSteps::next() {
-  return with_standing(next_moving(), source_.standing());
 }
 
 std::vector<ObjectState> StateSteps::next_moving() {
