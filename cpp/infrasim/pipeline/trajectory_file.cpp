@@ -117,17 +117,6 @@ bool has_text(const std::filesystem::path& file,
 
 constexpr std::size_t kPiece = 1 << 20;  // approximate number of bytes per write
 
-}  // namespace
-
-std::vector<bool> rows_of_run(const SceneConfig& scene, std::span<const int> frames,
-                              double period_s) {
-  const int steps = row_steps(scene.duration_s);
-  return scene.traffic ? rows_of_frames(frames, period_s, steps)
-                       : std::vector<bool>(static_cast<std::size_t>(steps) + 1, true);
-}
-
-namespace {
-
 void merge_rows(const std::filesystem::path& file, const World& world,
                 const std::vector<bool>& rows) {
   if (was_read(file))
@@ -155,6 +144,13 @@ void merge_rows(const std::filesystem::path& file, const World& world,
 }
 
 }  // namespace
+
+std::vector<bool> rows_of_run(const SceneConfig& scene, std::span<const int> frames,
+                              double period_s) {
+  const int steps = row_steps(scene.duration_s);
+  return scene.traffic ? rows_of_frames(frames, period_s, steps)
+                       : std::vector<bool>(static_cast<std::size_t>(steps) + 1, true);
+}
 
 void merge_trajectories(const std::filesystem::path& file, const World& world,
                         const std::vector<bool>& rows) {
