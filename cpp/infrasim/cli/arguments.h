@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <string>
 
 #include "infrasim/pipeline/run.h"
@@ -13,5 +14,10 @@ FrameRange parse_frames(const std::string& text, int frames);
 
 /// @throws ConfigError
 std::uint64_t parse_seed(const std::string& text);
+
+/// Refuses an output file that the command has read.
+/// @param option the option of the output file, for the message
+/// @throws ConfigError
+void refuse_input(const char* option, const std::filesystem::path& file);
 
 }  // namespace infrasim::cli

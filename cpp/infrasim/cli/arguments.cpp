@@ -1,10 +1,9 @@
-#include "infrasim/cli/frame_range.h"
+#include "infrasim/cli/arguments.h"
 
-#include <algorithm>
-#include <cmath>
 #include <vector>
 
 #include "infrasim/core/errors.h"
+#include "infrasim/core/files.h"
 #include "infrasim/core/numbers.h"
 
 namespace infrasim::cli {
@@ -43,6 +42,12 @@ std::uint64_t parse_seed(const std::string& text) {
   const auto seed = parse_number<std::uint64_t>(text);
   if (!seed) throw ConfigError("--seed: expected a whole number from 0, got '" + text + "'");
   return *seed;
+}
+
+void refuse_input(const char* option, const std::filesystem::path& file) {
+  if (was_read(file))
+    throw ConfigError(std::string(option) + ": expected another file than the inputs, got " +
+                      file.string());
 }
 
 }  // namespace infrasim::cli
