@@ -347,6 +347,7 @@ TEST(bundle, has_the_points_of_its_parts_and_rings_that_go_on) {
   for (const int ring : second.ring) parts.ring.push_back(static_cast<std::uint16_t>(41 + ring));
   append(parts.class_id, second.class_id);
   append(parts.object_id, second.object_id);
+  append(parts.echo, second.echo);
   expect_equal(whole.cloud, parts);
   EXPECT_EQ(whole.rays, 2U * 41U * 720U);
 }
