@@ -132,7 +132,9 @@ def _pairs(name: str, value: object) -> Corners:
     try:
         corners = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise Error(f"{name}: expected numbers (m, 2), got {type(value).__name__}") from None
+        raise Error(
+            f"{name}: expected an array (m, 2) of numbers, got {type(value).__name__}"
+        ) from None
     if corners.ndim != 2 or corners.shape[1] != 2:
         raise Error(f"{name}: expected an array (m, 2), got shape {corners.shape}")
     if not (finite := np.isfinite(corners).all(axis=1)).all():

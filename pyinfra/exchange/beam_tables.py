@@ -69,8 +69,8 @@ def read_beam_table(file: Path) -> BeamTable:
     for i, (elevation, azimuth) in enumerate(table.beams):
         if not (abs(elevation) <= 90 and abs(azimuth) <= 180):
             raise FormatError(
-                f"{file}: beam {i}: expected an elevation up to 90 and an azimuth up to 180 "
-                f"degrees, got {elevation:g} and {azimuth:g}"
+                f"{file}: beam {i}: expected an elevation of -90 to 90 degrees and an azimuth of "
+                f"-180 to 180 degrees, got {elevation:g} and {azimuth:g}"
             )
     return table
 

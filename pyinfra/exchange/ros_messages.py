@@ -174,8 +174,8 @@ def transforms_to(
         common = next((each for each in above if each in above_cloud), None)
         if common is None:
             raise Error(
-                f"{location}: expected boxes in '{cloud}' or in a frame that tf connects with it, "
-                f"got '{name}'"
+                f"{location}: expected boxes in the frame '{cloud}' or in a frame that tf connects "
+                f"with '{cloud}', got the frame '{name}'"
             )
         out[name] = above_cloud[common].inverse().after(above[common])
     return out

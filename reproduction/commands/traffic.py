@@ -8,7 +8,6 @@ It writes two rows per run to out/traffic.csv: before smoothing and after smooth
 """
 
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,14 +45,12 @@ def place_of(site: Path) -> Place:
 
 
 def rows(place: Place, demand: Demand, seconds: float, seed: int) -> Iterator[dict[str, object]]:
-    start = time.perf_counter()
     sumo_run = record(place.net, place.feet, demand, seconds, seed)
     after = cleaned(sumo_run, place.feet)
-    elapsed_s = time.perf_counter() - start
     end = sumo_run.start + sumo_run.count
     raw = [unsmoothed(path).between(sumo_run.start, end) for path in sumo_run.paths]
     before = [track for track in raw if track is not None]
-    facts = {"net": place.name, "seed": seed, "run_s": round(elapsed_s, 1)}
+    facts = {"net": place.name, "seed": seed}
     left_out = len(after.overlapping) + len(after.rough)
     for stage, tracks, out in (("SUMO", before, 0), ("smoothed", after.tracks, left_out)):
         figures = row(traffic_figures(tracks, place.feet))

@@ -419,7 +419,7 @@ def test_a_dry_run_refuses_a_preset_that_a_lidar_lacks(
             ("tiny.yaml", "none.yaml"),
             r"small.yaml:7: matrix.0.detectors.1: expected .*, got .none.yaml.",
         ),
-        (("0:5000:250", "'5:5'"), r"frames: expected a range with frames, .*, got '5:5'"),
+        (("0:5000:250", "'5:5'"), r"frames: expected A:B.* with A below B, .*, got '5:5'"),
         (("0:5000:250", "0:68719476736"), r"frames: expected A:B.*, got '0:68719476736'"),
         (("0:5000:250", "0:500000000"), r"frames: expected .* up to 360000, got '0:500000000'"),
         (("[highway]", "[]"), r"matrix: expected 1 to 100000 experiments, got none"),

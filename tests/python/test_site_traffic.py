@@ -128,6 +128,25 @@ def test_the_simulator_reads_the_file(folder: Path, busy: Traffic) -> None:
     assert done.returncode == 0, done.stderr
 
 
+REFUSED_TRACKS = {
+    "state": (np.nan, 4.0, r"track 'a': state 2: expected finite numbers, got \[nan, "),
+    "size": (0.2, np.inf, r"track 'a': size_m: expected finite numbers, got \[inf, "),
+    "large": (0.2, 60.0, "track 'a': expected sizes of 0.1 to 50 m, got a size of "),
+    "step": (20.0, 4.0, "track 'a': expected steps of at most 10 m in 0.1 s, got a step of 20"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED_TRACKS)
+def test_refused_tracks_name_the_state(case: str, tmp_path: Path) -> None:
+    x_m, length_m, message = REFUSED_TRACKS[case]
+    states = np.zeros((3, 6))
+    states[2, 0] = x_m
+    track = Track("a", "Car", np.array([length_m, 2.0, 1.5]), 0, states)
+    with pytest.raises(pi.Error, match=message):
+        write_trajectories(tmp_path / NAME, [track])
+    assert not (tmp_path / NAME).exists()
+
+
 def test_trips_go_only_where_their_class_may(folder: Path) -> None:
     """A turn begins on a lane for buses only. SUMO has no valid route for cars there."""
     net = data.crossing(folder / "lanes")

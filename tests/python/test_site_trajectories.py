@@ -312,8 +312,11 @@ BROKEN_XML = {
     "other": ("<routes/>", "expected <fcd-export>"),
     "nobody": ("<fcd-export/>", "expected one or more vehicles or people, got none"),
     "type": (data.fcd(data.drive(), "tram"), "got type 'tram'"),
-    "time": (FCD.replace('"0.20"', '"0.05"'), "expected ascending times"),
-    "clock": (FCD.replace('"0.20"', '"nan"'), "expected a time in seconds"),
+    "time": (FCD.replace('"0.20"', '"0.05"'), "timestep 3: time: expected above 0.1, got 0.05"),
+    "clock": (
+        FCD.replace('"0.20"', '"nan"'),
+        "timestep 3: time: expected seconds from -1e8 to 1e8",
+    ),
     "place": (FCD.replace('x="2.0000"', 'x="nan"'), "time 0.2: a: x: expected a number, got 'nan'"),
     "wrong angle": (
         FCD.replace('angle="90.00"', 'angle="east"', 1),

@@ -238,6 +238,7 @@ def range_of(frames: str) -> range:
     numbers = range(first, end, step) if step else range(0)
     if not numbers or end > MOST_FRAMES:
         raise ConfigError(
-            f"frames: expected a range with frames, with B up to {MOST_FRAMES}, got '{frames}'"
+            f"frames: expected A:B[:STEP] with A below B, STEP above 0 and B up to {MOST_FRAMES}, "
+            f"got '{frames}'"
         )
     return numbers

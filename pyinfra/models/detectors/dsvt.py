@@ -62,7 +62,8 @@ class Config:
     def __post_init__(self) -> None:
         if self.width % self.heads != 0 or self.width % 2 != 0:
             raise Error(
-                f"width: expected an even multiple of heads ({self.heads}), got {self.width}"
+                f"width: expected an even number that heads ({self.heads}) divides, "
+                f"got {self.width}"
             )
         if not 0 < len(self.windows) == len(self.shifts):
             lengths = f"{len(self.windows)} and {len(self.shifts)}"

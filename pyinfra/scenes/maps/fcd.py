@@ -123,7 +123,7 @@ def _opened(file: Path) -> BinaryIO:
 
 def _objects(stream: BinaryIO, file: Path) -> Iterator[tuple[float, ElementTree.Element]]:
     """Yields each element of a vehicle or person, with the time of the step that contains it."""
-    before = -np.inf
+    before, step = -np.inf, 0
     root: ElementTree.Element | None = None
     for event, element in ElementTree.iterparse(stream, events=("start", "end")):
         if root is None:
@@ -131,15 +131,14 @@ def _objects(stream: BinaryIO, file: Path) -> Iterator[tuple[float, ElementTree.
             if element.tag != "fcd-export":
                 raise FormatError(f"{file}: expected <fcd-export>, got <{element.tag[:40]}>")
         if event == "end" and element.tag == "timestep":
-            t = number_or_nan(element.get("time"))
+            step += 1
+            t, where = number_or_nan(element.get("time")), f"{file}: timestep {step}: time"
             if not np.isfinite(t) or abs(t) > 1e8:
                 raise FormatError(
-                    f"{file}: expected a time in seconds, got '{element.get('time')}'"
+                    f"{where}: expected seconds from -1e8 to 1e8, got {element.get('time')!r}"
                 )
             if t <= before:
-                raise FormatError(
-                    f"{file}: expected ascending times, got time {t:g} after {before:g}"
-                )
+                raise FormatError(f"{where}: expected above {before:g}, got {t:g}")
             before = t
             for child in element:
                 if child.tag in ("vehicle", "person"):

@@ -53,17 +53,20 @@ def _text(tracks: list[Track]) -> str:
 
 def _check(track: Track) -> None:
     """Checks a track by the rules of the simulator's reader. Raises Error that names the track."""
-    name, size_m = f"track '{track.name}'", track.size_m
-    if not np.isfinite(track.states).all() or not np.isfinite(size_m).all():
-        raise Error(f"{name}: expected finite numbers, got a value that is not finite")
+    name, size_m, states = f"track '{track.name}'", track.size_m, track.states
+    if not (finite := np.isfinite(states).all(axis=1)).all():
+        first = int(np.argmin(finite))
+        raise Error(f"{name}: state {first}: expected finite numbers, got {states[first].tolist()}")
+    if not np.isfinite(size_m).all():
+        raise Error(f"{name}: size_m: expected finite numbers, got {size_m.tolist()}")
     if (size_m < _SIZES_M[0]).any() or (size_m > _SIZES_M[1]).any():
         raise Error(f"{name}: expected sizes of 0.1 to 50 m, got a size of {size_m.tolist()} m")
-    step_m = np.linalg.norm(np.diff(track.states[:, :3], axis=0), axis=1).max(initial=0)
+    step_m = np.linalg.norm(np.diff(states[:, :3], axis=0), axis=1).max(initial=0)
     if step_m > _MAX_STEP_M:
         raise Error(
             f"{name}: expected steps of at most 10 m in 0.1 s, got a step of {step_m:.1f} m"
         )
-    turn = np.abs(wrapped(np.diff(track.states[:, HEADING]))).max(initial=0)
+    turn = np.abs(wrapped(np.diff(states[:, HEADING]))).max(initial=0)
     if turn > _MAX_TURN_RAD:
         raise Error(
             f"{name}: expected turns of at most 60 degrees in 0.1 s, got a turn of "
