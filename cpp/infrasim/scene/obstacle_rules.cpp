@@ -1,9 +1,11 @@
 #include "infrasim/scene/obstacle_rules.h"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 #include "infrasim/config/fields.h"
+#include "infrasim/core/classes.h"
 #include "infrasim/scene/people.h"
 #include "infrasim/scene/strips.h"
 
@@ -16,6 +18,7 @@ using config::number_text;
 constexpr double kPeopleBeside_m = 1.2;  // free width needed on each side of a line of people
 constexpr double kPeopleHeight_m = 2.5;  // free height needed over a line of people
 constexpr double kPeopleStep_m = 2;      // length of the boxes in which a line is checked
+constexpr int kMostShift_cm = 1000;      // maximum shift of parked vehicles that a message proposes
 
 /// Upright boxes, which other boxes must not overlap.
 class Obstacles {
@@ -104,18 +107,70 @@ class ObstacleRules {
     return solid;
   }
 
+  /// Describes a parked vehicle by its class and its size, which depends on the seed.
+  std::string described(const ObjectState& vehicle) const {
+    const auto metres = [](double m) { return number_text(std::round(100 * m) / 100); };
+    return "a " + std::string(class_of(vehicle.object_class).name) + " " + metres(vehicle.box.dx) +
+           " m long and " + metres(vehicle.box.dy) + " m wide with seed " +
+           std::to_string(site_.scene.seed);
+  }
+
+  /// Returns how far a parked vehicle must be moved away from its road's centreline to be beside
+  /// the lanes, or kMostShift_cm if that is not enough.
+  int needed_shift_cm(Box3d box, const ParkedConfig& row) const {
+    const Curve& line = road_named(site_.scene, site_.centrelines, row.road, row.place).centreline;
+    const double heading = line.at(line.project({box.x, box.y})).heading;
+    const Vec2 step = (row.offset_m < 0 ? -0.01 : 0.01) * heading_vector(heading + kPi / 2);
+    int cm = 0;
+    for (; cm < kMostShift_cm && stands_on_lane(box); ++cm) {
+      box.x += step.x;
+      box.y += step.y;
+    }
+    return cm;
+  }
+
+  /// Reports a row of parked vehicles on a lane, with the offset that the row needs.
+  /// @param first the first vehicle of the row that is on a lane
+  [[noreturn]] void fail_on_lane(const ParkedVehicle& first) const {
+    SceneConfig scene = site_.scene;
+    ParkedConfig& row = (*scene.parked)[first.row];
+    const ParkedConfig given = row;
+    std::string outermost;
+    // A row is parked again at each offset, because its vehicles move along a bend.
+    while (std::abs(row.offset_m) <= std::abs(given.offset_m) + kMostShift_cm / 100.0) {
+      int most_cm = 0;
+      for (const ParkedVehicle& vehicle : parked_vehicles(scene, site_.centrelines)) {
+        const int cm = vehicle.row == first.row ? needed_shift_cm(vehicle.state.box, row) : 0;
+        if (cm <= most_cm) continue;
+        most_cm = cm;
+        outermost = described(vehicle.state);
+      }
+      if (most_cm == 0)
+        config::fail(given.place, "offset_m",
+                     "expected " + number_text(std::abs(row.offset_m)) +
+                         " m or more from the centreline for " + outermost + ", got " +
+                         number_text(given.offset_m));
+      row.offset_m = std::copysign(std::ceil(100 * std::abs(row.offset_m) + most_cm - 1e-6) / 100,
+                                   row.offset_m);
+    }
+    const Box3d& box = first.state.box;
+    config::fail(given.place, "offset_m",
+                 "expected beside the lanes or " + number_text(kClearance_m) +
+                     " m above them, got " + described(first.state) + " on a lane near " +
+                     at_text({box.x, box.y}));
+  }
+
   /// Checks that parked vehicles are beside the lanes and do not overlap with other objects.
   void check_parked() const {
     if (site_.parked.empty()) return;
     Obstacles solid = solids();
-    for (const auto& [vehicle, place] : site_.parked) {
-      const Box3d& box = vehicle.box;
-      check_beside_lanes(box, place, "offset_m", "a parked vehicle");
+    for (const ParkedVehicle& vehicle : site_.parked) {
+      const Box3d& box = vehicle.state.box;
+      if (stands_on_lane(box)) fail_on_lane(vehicle);
       if (solid.meet(box))
-        config::fail(
-            place, "offset_m",
-            "expected free ground, got a parked vehicle that overlaps another object near " +
-                at_text({box.x, box.y}));
+        config::fail((*site_.scene.parked)[vehicle.row].place, "offset_m",
+                     "expected free ground, got " + described(vehicle.state) +
+                         " that overlaps another object near " + at_text({box.x, box.y}));
       solid.add(box);
     }
   }

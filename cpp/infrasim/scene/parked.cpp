@@ -21,8 +21,9 @@ constexpr unsigned kAfterParkedSize = 7;
 
 class Row {
  public:
-  Row(const Road& road, const ParkedConfig& config, Rng rng)
+  Row(const Road& road, const ParkedConfig& config, std::size_t index, Rng rng)
       : config_(config),
+        index_(index),
         rng_(rng),
         line_(line_beside(road.centreline, config)),
         road_(road.config) {}
@@ -44,7 +45,7 @@ class Row {
                        "expected at most " + std::to_string(kMost) +
                            " parked vehicles up to this row, got more");
         const int id = kFirstParkedId + static_cast<int>(out.size());
-        out.push_back({state(id, kind, size, s + taken / 2, turn, rng), config_.place});
+        out.push_back({state(id, kind, size, s + taken / 2, turn, rng), index_});
       }
       s += taken + config_.gap_m * (0.6 + 0.8 * rng.uniform(kAfterParkedSize + 2));
     }
@@ -64,6 +65,7 @@ class Row {
   }
 
   const ParkedConfig& config_;
+  std::size_t index_;  ///< position in the list of rows
   Rng rng_;
   Curve line_;  ///< line through the centres of the vehicles
   const RoadConfig& road_;
@@ -78,7 +80,7 @@ std::vector<ParkedVehicle> parked_vehicles(const SceneConfig& scene,
   const Rng rng = Rng::of(scene.seed, "parked");
   for (std::size_t i = 0; i < scene.parked->size(); ++i) {
     const ParkedConfig& row = (*scene.parked)[i];
-    Row(road_named(scene, centrelines, row.road, row.place), row, rng.at(i + 1)).append_to(out);
+    Row(road_named(scene, centrelines, row.road, row.place), row, i, rng.at(i + 1)).append_to(out);
   }
   return out;
 }
