@@ -22,6 +22,7 @@ class FieldLister {
     inside(value, path);
   }
   void here(const Place&) const {}
+  void here(const KeyPlace&, const char*) const {}
   void check(bool, const char*, const std::string&) const {}
 
   const std::string& text() const { return text_; }

@@ -33,6 +33,7 @@ struct BundleEntry {
   double pitch_deg = 0;
   std::optional<PatternConfig> pattern;
   std::optional<ReturnsConfig> returns;
+  config::KeyPlace lidar_key = {};
 };
 
 /// The keys of a LiDAR file: either one unit or a bundle.
@@ -48,6 +49,7 @@ struct LidarFile {
 template <class Fields>
 void visit(Fields& f, BundleEntry& c) {
   f.field("lidar", c.lidar, "LiDAR file, relative to this one");
+  f.here(c.lidar_key, "lidar");
   f.field("yaw_deg", c.yaw_deg, "yaw on the mount, positive to the left", between(-360, 360));
   f.field("pitch_deg", c.pitch_deg, "pitch; positive values point the LiDAR down",
           between(-90, 90));
@@ -113,7 +115,9 @@ config::Tree preset_tree(const std::filesystem::path& file, const std::string& p
 }
 
 void resolve_channels(const std::filesystem::path& folder, ChannelsConfig& c) {
-  if (!c.file.empty()) c.table = config::read_channels(folder / c.file);
+  if (!c.file.empty())
+    c.table =
+        config::read_named(c.file_key, [&] { return config::read_channels(folder / c.file); });
   if (c.count == 1)
     c.table.push_back({.elevation_deg = c.upper_deg.value_or(c.lower_deg.value_or(0))});
   const double upper = c.upper_deg.value_or(0), lower = c.lower_deg.value_or(0);
@@ -142,7 +146,8 @@ void resolve_rate(const std::filesystem::path& file, TableConfig& c) {
 }
 
 void resolve_table(const std::filesystem::path& file, TableConfig& c) {
-  config::FiringTable table = config::read_firing_table(file.parent_path() / c.file);
+  config::FiringTable table = config::read_named(
+      c.file_key, [&] { return config::read_firing_table(file.parent_path() / c.file); });
   c.directions = std::move(table.directions);
   c.times_s = std::move(table.times_s);
   resolve_rate(file, c);
@@ -215,10 +220,12 @@ void add_price(const PriceConfig& part, PriceConfig& sum) {
 }
 
 /// Returns the unit that a file of a bundle describes, and adds its price to `sum`.
-LidarUnit unit_of_file(const std::filesystem::path& file, const std::string& part,
+LidarUnit unit_of_file(const std::filesystem::path& file, const BundleEntry& entry,
                        const std::string& preset, PriceConfig& sum) {
+  const std::string& part = *entry.lidar;
   const std::filesystem::path part_file = file.parent_path() / part;
-  const auto keys = config::read_struct<LidarFile>(preset_tree(part_file, preset));
+  const auto keys = config::read_struct<LidarFile>(
+      config::read_named(entry.lidar_key, [&] { return preset_tree(part_file, preset); }));
   if (!keys.bundle.empty())
     config::fail({file.string()}, "bundle", "expected single LiDARs, got a bundle in it");
   add_price(*keys.price_usd, sum);
@@ -235,9 +242,8 @@ LidarConfig lidar_of(const std::filesystem::path& file, const LidarFile& keys,
   if (keys.price_usd) out.price_usd = *keys.price_usd;
   if (keys.bundle.empty()) out.units.push_back(unit_of(file, keys));
   for (const BundleEntry& entry : keys.bundle) {
-    LidarUnit& unit =
-        out.units.emplace_back(entry.lidar ? unit_of_file(file, *entry.lidar, preset, out.price_usd)
-                                           : unit_of(file, entry));
+    LidarUnit& unit = out.units.emplace_back(
+        entry.lidar ? unit_of_file(file, entry, preset, out.price_usd) : unit_of(file, entry));
     unit.yaw_deg = entry.yaw_deg;
     unit.pitch_deg = entry.pitch_deg;
     if (period_s(unit.pattern) != period_s(out.units.front().pattern))

@@ -180,6 +180,7 @@ void visit(Fields& f, SceneConfig& c) {
   f.field("static_layers", c.static_layers,
           "for each LiDAR, a file of `infrasim static` with the static points, which replaces "
           "casting the static scene");
+  f.here(c.static_layers_key, "static_layers");
   f.check(!c.lanes || !c.traffic, "traffic",
           "expected trajectories with lanes of a file, got traffic, which needs "
           "roads");

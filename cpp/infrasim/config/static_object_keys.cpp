@@ -30,6 +30,7 @@ template <class Fields>
 void visit(Fields& f, MeshConfig& c) {
   f.here(c.place);
   f.field("file", c.file, ".ply in world coordinates, relative to the scene file", required());
+  f.here(c.file_key, "file");
   f.field("material", c.material, "material of the surface", required());
 }
 

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "infrasim/core/files.h"
+#include "infrasim/core/hints.h"
 #include "infrasim/core/numbers.h"
 
 namespace infrasim::config {
@@ -67,7 +68,8 @@ struct Converter {
       if (!entry.first.IsScalar())
         fail(key_place, "(key)", "expected a word, got another kind of key");
       const std::string& key = entry.first.Scalar();
-      if (!seen.insert(key).second) fail(key_place, key, "expected the key once, got it twice");
+      if (!seen.insert(key).second)
+        fail(key_place, key, "expected the key once, got it twice" + comma_hint("0," + key));
       Tree value = convert(entry.second);
       if (value.place.line == 0) value.place = key_place;
       tree.keys.push_back(key);
@@ -142,10 +144,15 @@ std::optional<Tree> take(Tree& map, std::string_view key) {
   return value;
 }
 
-void fail(const Place& place, std::string_view key, std::string_view what) {
+std::string start_of(const KeyPlace& at) {
+  const Place& place = at.place;
   std::string text = place.file;
   if (place.line > 0) text += ":" + std::to_string(place.line) + ":" + std::to_string(place.column);
-  text += ": " + std::string(key) + ": " + std::string(what);
+  return text + ": " + at.key + ": ";
+}
+
+void fail(const Place& place, std::string_view key, std::string_view what) {
+  std::string text = start_of({place, std::string(key)}) + std::string(what);
   std::ranges::replace(text, '\n', ' ');
   throw ConfigError(text);
 }

@@ -2,10 +2,12 @@
 
 #include <sys/stat.h>
 
+#include <cerrno>
 #include <fstream>
 #include <mutex>
 #include <set>
 #include <sstream>
+#include <system_error>
 #include <utility>
 
 #include "infrasim/core/errors.h"
@@ -61,10 +63,12 @@ void expect_regular(const fs::path& file) {
 std::ifstream open_file(const fs::path& file) {
   if (has_zero(file)) throw IoError("(file): expected a path without a zero byte, got one with it");
   expect_regular(file);
+  errno = 0;
   std::ifstream in(file, std::ios::binary);
+  const int reason = in.is_open() ? EISDIR : errno;
   std::error_code error;
   if (!in.is_open() || fs::is_directory(file, error))
-    throw IoError(file.string() + ": can't be read");
+    throw IoError(file.string() + ": can't be read: " + std::generic_category().message(reason));
   ReadRecord& record = read_record();
   const std::scoped_lock lock(record.mutex);
   if (record.on) record.files.insert(number_of(file));

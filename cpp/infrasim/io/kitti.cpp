@@ -141,7 +141,7 @@ FrameCounts read_counts(const std::filesystem::path& lidar_folder, int frame) {
   const auto cloud = velodyne_file(lidar_folder, frame);
   std::error_code error;
   counts.hits = std::filesystem::file_size(cloud, error) / 16;
-  if (error) throw IoError(cloud.string() + ": can't be read");
+  if (error) throw IoError(cloud.string() + ": can't be read: " + error.message());
   CsvReader csv(lidar_folder / "training" / "objects" / (frame_name(frame) + ".csv"),
                 kObjectColumns, "pitch");
   while (csv.next_row()) {

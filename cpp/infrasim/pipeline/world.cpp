@@ -25,7 +25,10 @@ std::map<std::string, StaticLayerFile> read_static_layers(const SceneConfig& sce
   std::map<std::string, StaticLayerFile> layers;
   if (!scene.static_layers) return layers;
   for (const auto& [lidar, file] : *scene.static_layers) {
-    const StaticLayerFile layer = read_static_layer(scene.folder / file);
+    config::KeyPlace at = scene.static_layers_key;
+    if (!at.key.empty()) at.key += "." + lidar;
+    const StaticLayerFile layer =
+        config::read_named(at, [&] { return read_static_layer(scene.folder / file); });
     check_is_at(layer, scene.mounts.begin()->second);
     layers.emplace(lidar, layer);
   }

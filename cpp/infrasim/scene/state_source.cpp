@@ -11,11 +11,13 @@ namespace {
 
 Trajectories load_recorded(const SceneConfig& scene) {
   const std::filesystem::path file = scene.folder / scene.trajectories;
-  if (!std::filesystem::exists(file))
-    throw IoError(file.string() +
-                  ": can't be read: not there; `pyinfra site traffic` or `pyinfra site "
-                  "trajectories` writes the file of a site");
-  Trajectories trajectories = read_trajectories(file);
+  Trajectories trajectories = config::read_named(scene.trajectories_key, [&] {
+    if (!std::filesystem::exists(file))
+      throw IoError(file.string() +
+                    ": can't be read: not there; `pyinfra site traffic` or `pyinfra site "
+                    "trajectories` writes the file of a site");
+    return read_trajectories(file);
+  });
   const int steps = row_steps(scene.duration_s);
   if (!trajectories.rows.empty() && trajectories.steps() < steps)
     throw ConfigError(file.string() + ": t: expected at least the scene's duration_s of " +
