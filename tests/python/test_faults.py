@@ -315,7 +315,9 @@ def test_folder_of_another_configuration(
 ) -> None:
     before = digests(finished)
     result = infrasim(*run_command(frames="0:4", out=finished), *options)
-    assert_one_line(result, f"{finished}/dataset.yaml:", "another run", *differs)
+    assert_one_line(
+        result, f"{finished}/dataset.yaml:", "another run", *differs, "; use another folder"
+    )
     assert digests(finished) == before
 
 

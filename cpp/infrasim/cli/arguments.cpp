@@ -18,7 +18,7 @@ bool parse_whole(std::string_view text, int& value) {
 
 }  // namespace
 
-FrameRange parse_frames(const std::string& text, int frames) {
+FrameRange parse_frames(const std::string& text, int frames, const std::string& reason) {
   std::vector<std::string_view> parts;
   std::string_view rest = text;
   for (std::size_t colon = rest.find(':'); colon != std::string_view::npos;
@@ -33,8 +33,9 @@ FrameRange parse_frames(const std::string& text, int frames) {
                      (parts.size() == 2 || parse_whole(parts[2], range.step));
   if (!valid || range.first < 0 || range.last <= range.first || range.step < 1 ||
       range.last > frames)
-    throw ConfigError("--frames: expected A:B or A:B:STEP with 0 <= A < B <= " +
-                      std::to_string(frames) + " and STEP from 1, got '" + text + "'");
+    throw ConfigError(
+        "--frames: expected A:B or A:B:STEP with 0 <= A < B <= " + std::to_string(frames) +
+        (reason.empty() ? "" : " (" + reason + ")") + " and STEP from 1, got '" + text + "'");
   return range;
 }
 

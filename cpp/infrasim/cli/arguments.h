@@ -9,8 +9,9 @@
 namespace infrasim::cli {
 
 /// Parses a frame range A:B or A:B:STEP, which excludes frame B. B is at most `frames`.
+/// @param reason why there are no more frames, for the message
 /// @throws ConfigError
-FrameRange parse_frames(const std::string& text, int frames);
+FrameRange parse_frames(const std::string& text, int frames, const std::string& reason = "");
 
 /// @throws ConfigError
 std::uint64_t parse_seed(const std::string& text);

@@ -14,6 +14,7 @@
 #include "infrasim/cli/catalogue.h"
 #include "infrasim/cli/commands.h"
 #include "infrasim/cli/signals.h"
+#include "infrasim/config/fields.h"
 #include "infrasim/config/lidar_checks.h"
 #include "infrasim/core/errors.h"
 #include "infrasim/core/files.h"
@@ -86,8 +87,9 @@ RunRequest request_of(const RunOptions& o) {
   for (const std::string& word : o.lidars)
     request.lidars.push_back(lidar_of(word, o.preset, o.changes));
   request.preset = o.preset;
-  request.frames =
-      parse_frames(o.frames, frame_count(request.scene.duration_s, period_s(request.lidars)));
+  const double duration_s = request.scene.duration_s;
+  request.frames = parse_frames(o.frames, frame_count(duration_s, period_s(request.lidars)),
+                                "duration_s is " + config::number_text(duration_s) + " s");
   request.out = path_of("--out", o.out);
   if (o.mounts.size() == 1) request.mount = o.mounts.front();
   if (o.mounts.size() > 1) keep_mounts(request.scene, o.mounts);

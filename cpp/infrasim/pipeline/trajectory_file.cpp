@@ -89,7 +89,8 @@ class UnionOfRows {
                     " s it has object " + std::to_string(s.id) + " at x " + text(s.box.x) + ", y " +
                     text(s.box.y) + ", this run has " +
                     (exists ? "it at x " + text(there->box.x) + ", y " + text(there->box.y)
-                            : "no such object"));
+                            : "no such object") +
+                    "; use another folder");
     }
   }
 
@@ -126,7 +127,7 @@ void merge_rows(const std::filesystem::path& file, const World& world,
   const bool pitched = world.trajectories->pitched;
   if (exists && StoredRows(file).pitched() != pitched)
     throw IoError(file.string() + ":1: the folder holds another run: expected the column pitch " +
-                  (pitched ? "in both runs" : "in no run") + ", got it in one");
+                  (pitched ? "in both runs" : "in no run") + ", got it in one; use another folder");
   const UnionOfRows all(world, rows, exists ? file : "");
   const RowSource source = [&](const RowSink& sink) { all.each(sink); };
   const auto give = [&](const std::function<void(std::string_view)>& take) {
