@@ -43,10 +43,7 @@ std::vector<float> xyz_of(const py::array& points) {
 
 py::array_t<int> kept_rows(const py::array& points, const std::vector<FilterStep>& steps) {
   const std::vector<float> xyz = xyz_of(points);
-  const std::vector<int> kept = [&] {
-    const py::gil_scoped_release release;
-    return keep_all(steps, xyz);
-  }();
+  const std::vector<int> kept = without_lock([&] { return keep_all(steps, xyz); });
   return py::array_t<int>(static_cast<py::ssize_t>(kept.size()), kept.data());
 }
 

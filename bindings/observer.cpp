@@ -53,10 +53,8 @@ MountConfig pose_of(const std::array<double, 5>& pose) {
 
 py::array observed(const Observer& observer, const std::array<double, 5>& pose,
                    const std::vector<LidarConfig>& lidars, const std::vector<int>& frames) {
-  const auto per_frame = [&] {
-    const py::gil_scoped_release release;
-    return observer.observe(pose_of(pose), lidars, frames);
-  }();
+  const auto per_frame =
+      without_lock([&] { return observer.observe(pose_of(pose), lidars, frames); });
   std::vector<ObservationRow> rows;
   for (std::size_t k = 0; k < frames.size(); ++k)
     for (std::size_t i = 0; i < lidars.size(); ++i)
@@ -92,10 +90,7 @@ void bind_observer(py::module_& m) {
                        const std::string& preset, const std::string& mount,
                        const std::vector<int>& frames, double period_s) {
              const py::gil_scoped_release release;
-             if (!(period_s >= kShortestPeriod_s && period_s <= kLongestPeriod_s))
-               throw ConfigError("period_s: expected " + config::number_text(kShortestPeriod_s) +
-                                 " to " + config::number_text(kLongestPeriod_s) + ", got " +
-                                 config::number_text(period_s));
+             check_period(period_s);
              return std::make_unique<Observer>(read_scene(file, set, preset), mount, frames,
                                                period_s);
            }),

@@ -57,23 +57,15 @@ Array<T> moved(std::vector<T>&& values) {
 
 Array<std::int64_t> farthest_points(const Array<float>& xyz, std::int64_t count) {
   const auto points = values_of(xyz, "xyz", 3);
-  std::vector<std::int64_t> rows;
-  {
-    const py::gil_scoped_release release;
-    rows = pointops::farthest_points(points, count);
-  }
-  return moved(std::move(rows));
+  return moved(without_lock([&] { return pointops::farthest_points(points, count); }));
 }
 
 std::pair<Array<std::int64_t>, Array<std::uint8_t>> ball_query(const Array<float>& points,
                                                                const Array<float>& centres,
                                                                float radius, std::int64_t limit) {
   const auto all = values_of(points, "points", 3), around = values_of(centres, "centres", 3);
-  pointops::Balls balls;
-  {
-    const py::gil_scoped_release release;
-    balls = pointops::ball_query(all, around, radius, limit);
-  }
+  pointops::Balls balls =
+      without_lock([&] { return pointops::ball_query(all, around, radius, limit); });
   return {moved(std::move(balls.rows), {centres.shape(0), limit}), moved(std::move(balls.empty))};
 }
 
@@ -85,12 +77,7 @@ Pairs moved(pointops::VoxelPairs&& pairs) {
 
 Pairs shifted_pairs(const Array<std::int64_t>& keys, const std::vector<std::int64_t>& steps) {
   const auto values = values_of(keys, "keys");
-  pointops::VoxelPairs pairs;
-  {
-    const py::gil_scoped_release release;
-    pairs = pointops::shifted_pairs(values, steps);
-  }
-  return moved(std::move(pairs));
+  return moved(without_lock([&] { return pointops::shifted_pairs(values, steps); }));
 }
 
 using Triple = std::array<std::int64_t, 3>;
@@ -99,26 +86,19 @@ std::pair<Pairs, Array<std::int64_t>> reached_voxels(const Array<std::int64_t>& 
                                                      Triple shape, Triple kernel, Triple stride,
                                                      Triple padding, Triple target_shape) {
   const auto voxels = values_of(coordinates, "coordinates", 4);
-  pointops::ReachedVoxels reached;
-  {
-    const py::gil_scoped_release release;
-    reached = pointops::reached_voxels(voxels, {.shape = shape,
-                                                .kernel = kernel,
-                                                .stride = stride,
-                                                .padding = padding,
-                                                .target_shape = target_shape});
-  }
+  pointops::ReachedVoxels reached = without_lock([&] {
+    return pointops::reached_voxels(voxels, {.shape = shape,
+                                             .kernel = kernel,
+                                             .stride = stride,
+                                             .padding = padding,
+                                             .target_shape = target_shape});
+  });
   return {moved(std::move(reached.pairs)), moved(std::move(reached.keys))};
 }
 
 Array<std::int64_t> suppress(const Array<double>& boxes, double iou, std::int64_t limit) {
   const auto values = values_of(boxes, "boxes", 7);
-  std::vector<std::int64_t> rows;
-  {
-    const py::gil_scoped_release release;
-    rows = pointops::suppress(values, iou, limit);
-  }
-  return moved(std::move(rows));
+  return moved(without_lock([&] { return pointops::suppress(values, iou, limit); }));
 }
 
 constexpr std::int64_t kMostStride = 16;

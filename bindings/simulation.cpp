@@ -33,20 +33,10 @@ py::array_t<double> pattern_rays(const LidarConfig& lidar, int first_frame, int 
                                  int step, std::optional<std::uint64_t> seed,
                                  const std::string& mount) {
   check_frames(first_frame, last_frame, step);
-  const std::vector<double> rows = [&] {
-    const py::gil_scoped_release release;
-    return pattern_table(lidar, first_frame, last_frame, step, seed, mount);
-  }();
+  const std::vector<double> rows = without_lock(
+      [&] { return pattern_table(lidar, first_frame, last_frame, step, seed, mount); });
   return py::array_t<double>({static_cast<py::ssize_t>(rows.size() / 3), py::ssize_t{3}},
                              rows.data());
-}
-
-/// @throws ConfigError for a frame period that is too short or too long for a LiDAR
-void check_period(double period_s) {
-  if (!(period_s >= kShortestPeriod_s && period_s <= kLongestPeriod_s))
-    throw ConfigError("period_s: expected " + config::number_text(kShortestPeriod_s) + " to " +
-                      config::number_text(kLongestPeriod_s) + ", got " +
-                      config::number_text(period_s));
 }
 
 std::pair<py::array_t<float>, py::array_t<std::uint32_t>> mesh_arrays(const World& world, int frame,
@@ -55,10 +45,8 @@ std::pair<py::array_t<float>, py::array_t<std::uint32_t>> mesh_arrays(const Worl
   check_period(period_s);
   if (!(share >= 0 && share <= 1))
     throw ConfigError("share: expected 0 to 1, got " + config::number_text(share));
-  const TriangleMesh mesh = [&] {
-    const py::gil_scoped_release release;
-    return frozen_mesh(world, frame, period_s, share);
-  }();
+  const TriangleMesh mesh =
+      without_lock([&] { return frozen_mesh(world, frame, period_s, share); });
   return {
       py::array_t<float>({static_cast<py::ssize_t>(mesh.vertices.size()), py::ssize_t{3}},
                          mesh.vertices.data()->data()),
@@ -101,10 +89,8 @@ py::array object_array(const World& world, int frame, double period_s) {
   if (const int frames = world.frames(period_s); frame < 0 || frame >= frames)
     throw ConfigError("frame: expected 0 to " + std::to_string(frames - 1) + ", got " +
                       std::to_string(frame));
-  const std::vector<MovingObject> objects = [&] {
-    const py::gil_scoped_release release;
-    return world.objects_in_frame(frame, period_s);
-  }();
+  const std::vector<MovingObject> objects =
+      without_lock([&] { return world.objects_in_frame(frame, period_s); });
   py::array_t<SceneObject> rows(static_cast<py::ssize_t>(objects.size()));
   auto out = rows.mutable_unchecked<1>();
   for (std::size_t i = 0; i < objects.size(); ++i) {
@@ -120,6 +106,13 @@ py::array object_array(const World& world, int frame, double period_s) {
 }
 
 }  // namespace
+
+void check_period(double period_s) {
+  if (!(period_s >= kShortestPeriod_s && period_s <= kLongestPeriod_s))
+    throw ConfigError("period_s: expected " + config::number_text(kShortestPeriod_s) + " to " +
+                      config::number_text(kLongestPeriod_s) + ", got " +
+                      config::number_text(period_s));
+}
 
 void bind_simulation(py::module_& m) {
   PYBIND11_NUMPY_DTYPE(SceneObject, id, class_id, x, y, z, dx, dy, dz, heading, speed);
@@ -280,10 +273,7 @@ void bind_simulation(py::module_& m) {
            py::keep_alive<1, 2>(), py::call_guard<py::gil_scoped_release>())
       .def("__iter__", [](py::object self) { return self; })
       .def("__next__", [](FrameStream& stream) {
-        auto item = [&] {
-          const py::gil_scoped_release release;
-          return stream.next();
-        }();
+        auto item = without_lock([&] { return stream.next(); });
         if (!item) throw py::stop_iteration();
         std::vector<std::shared_ptr<Frame>> frames;
         for (Frame& frame : item->second)

@@ -80,10 +80,6 @@ class Arrivals {
   std::vector<std::size_t> starts_;
 };
 
-}  // namespace
-
-namespace {
-
 void check_increasing(std::span<const std::int64_t> keys) {
   const auto at = std::ranges::adjacent_find(keys, std::ranges::greater_equal()) - keys.begin();
   if (at < std::ssize(keys))

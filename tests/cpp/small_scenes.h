@@ -4,11 +4,13 @@
 #include <stdlib.h>  // NOLINT(modernize-deprecated-headers): mkdtemp is POSIX
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -18,8 +20,10 @@
 #include "infrasim/config/scene_config.h"
 #include "infrasim/core/errors.h"
 #include "infrasim/core/point_cloud.h"
+#include "infrasim/pipeline/simulate.h"
 #include "infrasim/scene/region.h"
 #include "infrasim/scene/site.h"
+#include "infrasim/scene/traffic.h"
 #include "infrasim/scene/trajectories.h"
 
 namespace infrasim::testing {
@@ -65,6 +69,11 @@ std::string error_of(const Action& action) {
   return "";
 }
 
+/// Checks that a message contains the given words.
+inline void expect_within(const std::string& message, const std::string& what) {
+  EXPECT_NE(message.find(what), std::string::npos) << message << "\n  must say " << what;
+}
+
 /// Checks that a message names the file, the line (and a column) and the key, and contains the
 /// given words.
 inline void expect_message(const std::string& message, const std::filesystem::path& file, int line,
@@ -72,7 +81,7 @@ inline void expect_message(const std::string& message, const std::filesystem::pa
   const std::string start = file.string() + ":" + std::to_string(line) + ":";
   EXPECT_TRUE(message.starts_with(start)) << message << "\n  must start with " << start;
   EXPECT_NE(message.find(": " + key + ": "), std::string::npos) << message << "\n  key " << key;
-  EXPECT_NE(message.find(what), std::string::npos) << message << "\n  must say " << what;
+  expect_within(message, what);
 }
 
 /// A scene with one lane each way along x and a mount 6 m above the origin. It has no vehicles and
@@ -127,6 +136,41 @@ inline Trajectories straight_on(const std::vector<ObjectState>& at_start, int fr
   return out;
 }
 
+/// The vehicles of a scene's simulated traffic at all instants.
+inline Trajectories simulate_traffic(const Site& site) {
+  Trajectories out;
+  TrafficSteps steps(site);
+  for (int k = 0; k <= row_steps(site.scene.duration_s); ++k) out.rows.push_back(steps.next());
+  return out;
+}
+
+/// A scene with these vehicles, which keep their speed and heading, in place of its traffic.
+inline World world_with(const SceneConfig& scene, const std::vector<ObjectState>& at_start,
+                        int frames = 10) {
+  World world = build_world(scene);
+  world.trajectories = std::make_shared<const Trajectories>(straight_on(at_start, frames));
+  return world;
+}
+
+inline Frame frame_of(const World& world, const LidarConfig& lidar, int k = 0) {
+  FrameSimulator simulator(world, std::array{lidar});
+  return std::move(simulator.simulate(k, {true}).front());
+}
+
+/// A LiDAR of the catalogue.
+inline LidarConfig shipped(const std::string& name, const std::string& preset = "datasheet") {
+  return read_lidar(configs() / "lidars" / (name + ".yaml"), preset);
+}
+
+/// A table of rays that repeats after five rays.
+inline PatternConfig five_directions() {
+  PatternConfig pattern;
+  TableConfig& table = pattern.table.emplace();
+  table.rays_per_s = 1003;
+  table.directions = {{0, 0}, {0.1, 0.2}, {-0.3, 0.1}, {3, -0.4}, {1, 1}};
+  return pattern;
+}
+
 /// A spinning unit with evenly spaced channels. The lowest channel fires first, and a turn begins
 /// straight ahead.
 inline PatternConfig spinning(int channels, double lower_deg, double upper_deg,
@@ -169,12 +213,8 @@ inline double distance_to_surface(const Box3d& box, Vec3 p) {
 
 inline void expect_equal(const PointCloud& a, const PointCloud& b) {
   ASSERT_EQ(a.size(), b.size());
-  EXPECT_TRUE(a.xyz == b.xyz);
-  EXPECT_TRUE(a.intensity == b.intensity);
-  EXPECT_TRUE(a.time == b.time);
-  EXPECT_TRUE(a.ring == b.ring);
-  EXPECT_TRUE(a.class_id == b.class_id);
-  EXPECT_TRUE(a.object_id == b.object_id);
+  PointCloud::for_each_column(
+      [&](auto column, std::size_t /*values*/) { EXPECT_TRUE(a.*column == b.*column); });
 }
 
 }  // namespace infrasim::testing

@@ -24,6 +24,7 @@ namespace {
 using testing::configs;
 using testing::error_of;
 using testing::expect_message;
+using testing::expect_within;
 using testing::TestFolder;
 
 // --- a scene and its errors -------------------------------------------------------------------
@@ -117,6 +118,40 @@ TEST(scene_file, an_unknown_key_is_an_error_that_names_the_allowed_ones) {
   expect_scene_error("duration_s: 1", "duration: 1 #!", "duration", "duration_s");
   expect_scene_error("{rain_mm_per_h: 5", "{rain: 5 #!\n", "weather.rain", "rain_mm_per_h");
   expect_scene_error("width_m: 3.5", "width: 3.5 #!\n", "roads.0.lanes.width", "width_m");
+}
+
+TEST(scene_file, an_unknown_key_is_answered_with_a_similar_one) {
+  expect_scene_error("centreline:\n      - line_m: 200", "centerline:\n      - line_m: 200 #!",
+                     "roads.0.centerline", "got an unknown key; did you mean 'centreline'?");
+  expect_scene_error("visibility_m: 500}", "visibility: 500} #!", "weather.visibility",
+                     "did you mean 'visibility_m'?");
+}
+
+TEST(scene_file, a_decimal_comma_is_named) {
+  const std::string hint = "; numbers have a decimal point, not a comma";
+  expect_scene_error("width_m: 3.5", "width_m: 3,5, shoulder_m: 1 #!\n", "roads.0.lanes.5", hint);
+  expect_scene_error("z_m: 6}", "z_m: \"-7,05\"} #!", "mounts.pole.z_m", "got '-7,05'" + hint);
+  expect_scene_error("{Car: 0.8, Bus: 0.2}", "{Car: 0,8} #!", "traffic.class_shares.8", hint);
+  expect_scene_error("{Car: 0.8, Bus: 0.2}", "{Car: 0,5, Bus: 0,5} #!", "5", "twice" + hint);
+  const auto message = [](const std::string& value) {
+    return error_of([&] {
+      parse_scene(replaced(kScene, "duration_s: 1", "duration_s: " + value), "scene", "");
+    });
+  };
+  EXPECT_EQ(message("long").find(hint), std::string::npos);
+  EXPECT_EQ(message("1,2,3").find(hint), std::string::npos);
+}
+
+TEST(scene_file, a_value_for_a_map_is_answered_with_the_keys_of_the_map) {
+  expect_scene_error("speed: {mean_km_h: 50}", "speed: 50 #!", "traffic.speed",
+                     "expected a map with the keys mean_km_h, std_km_h, got '50'");
+  expect_scene_error("{Car: 0.8, Bus: 0.2}", "1 #!", "traffic.class_shares",
+                     "expected a map with the keys Car, Van, Truck, Bus, Motorcycle, got '1'");
+  expect_scene_error("traffic:\n", "filters: [5] #!\ntraffic:\n", "filters.0",
+                     "expected a map with the keys crop_box, crop_polygon, ");
+  // A longer list would be no help.
+  expect_within(error_of([] { parse_scene("just words", "scene", ""); }),
+                "expected a map, got 'just words'");
 }
 
 TEST(scene_file, a_key_twice_is_an_error) {
@@ -580,6 +615,11 @@ TEST(lidar_file, targets_without_a_signal_are_not_detected) {
   const TestFolder folder;
   const std::string text = replaced(kLidar, "range_accuracy_m: 0.02", with("3.72"));
   read_lidar(folder.write("lidar.yaml", text), "even");
+}
+
+TEST(lidar_file, a_value_for_a_map_is_answered_with_the_keys_of_the_map) {
+  expect_lidar_error("{low: 1, high: 2, source: nobody, date: \"2025\"}", "3600 #!", "price_usd",
+                     "expected a map with the keys low, high, source, date, got '3600'");
 }
 
 TEST(lidar_file, presets_are_maps) {

@@ -12,7 +12,6 @@
 #include "infrasim/core/errors.h"
 #include "infrasim/core/geometry.h"
 #include "infrasim/core/numbers.h"
-#include "infrasim/core/point_cloud.h"
 #include "infrasim/core/rng.h"
 
 namespace infrasim {
@@ -219,29 +218,6 @@ TEST(rng, normal_draws_have_mean_0_and_deviation_1) {
   }
   EXPECT_NEAR(sum / n, 0, 5 / std::sqrt(n));
   EXPECT_NEAR(squares / n, 1, 5 * std::sqrt(2.0 / n));
-}
-
-TEST(point_cloud, select_keeps_every_column_in_the_order_asked_for) {
-  PointCloud cloud;
-  cloud.resize(3);
-  cloud.xyz = {0, 1, 2, 10, 11, 12, 20, 21, 22};
-  cloud.intensity = {0.F, 0.1F, 0.2F};
-  cloud.time = {0.F, 0.01F, 0.02F};
-  cloud.ring = {0, 1, 2};
-  cloud.class_id = {10, 11, 12};
-  cloud.object_id = {-1, 7, 8};
-  cloud.echo = {0, 1, 0};
-
-  const PointCloud kept = cloud.select(std::array{2, 0});
-  EXPECT_EQ(kept.size(), 2U);
-  EXPECT_EQ(kept.xyz, (std::vector<float>{20, 21, 22, 0, 1, 2}));
-  EXPECT_EQ(kept.intensity, (std::vector<float>{0.2F, 0.F}));
-  EXPECT_EQ(kept.time, (std::vector<float>{0.02F, 0.F}));
-  EXPECT_EQ(kept.ring, (std::vector<std::uint16_t>{2, 0}));
-  EXPECT_EQ(kept.class_id, (std::vector<std::uint16_t>{12, 10}));
-  EXPECT_EQ(kept.object_id, (std::vector<std::int32_t>{8, -1}));
-  EXPECT_EQ(kept.echo, (std::vector<std::uint8_t>{0, 0}));
-  EXPECT_EQ(cloud.select({}).size(), 0U);
 }
 
 }  // namespace

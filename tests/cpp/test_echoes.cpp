@@ -21,17 +21,6 @@ namespace {
 
 using namespace testing;
 
-World world_with(const SceneConfig& scene, const std::vector<ObjectState>& at_start) {
-  World world = build_world(scene);
-  world.trajectories = std::make_shared<const Trajectories>(straight_on(at_start, 10));
-  return world;
-}
-
-Frame frame_of(const World& world, const LidarConfig& lidar, int k = 0) {
-  FrameSimulator simulator(world, std::array{lidar});
-  return std::move(simulator.simulate(k, {true}).front());
-}
-
 World short_run_of(const std::string& scene) {
   const std::vector<std::string> assignments{"duration_s=5", "traffic.warm_up_s=20"};
   return build_world(

@@ -17,23 +17,14 @@ namespace {
 using testing::car_on_road;
 using testing::configs;
 using testing::empty_road;
+using testing::frame_of;
 using testing::plain_lidar;
 using testing::point;
 using testing::spinning;
 using testing::straight_on;
+using testing::world_with;
 
 constexpr double kMiddle_s = kUsualPeriod_s / 2;
-
-World world_with(const SceneConfig& scene, const std::vector<ObjectState>& at_start) {
-  World world = build_world(scene);
-  world.trajectories = std::make_shared<const Trajectories>(straight_on(at_start, 10));
-  return world;
-}
-
-Frame frame(const World& world, const LidarConfig& lidar, int k = 3) {
-  FrameSimulator simulator(world, std::array{lidar});
-  return std::move(simulator.simulate(k, {true}).front());
-}
 
 /// A LiDAR that looks 0 to 20 degrees down, with azimuth steps of 0.2 degrees.
 LidarConfig fine_lidar() { return plain_lidar("lidar", spinning(41, -20, 0, 0.2)); }
@@ -124,7 +115,7 @@ TEST(label_at_the_scan, encloses_the_points_wherever_the_mount_looks) {
     SCOPED_TRACE(yaw);
     SceneConfig scene = empty_road();
     scene.mounts["pole"].yaw_deg = yaw;
-    expect_enclosed(frame(world_with(scene, cars_around()), fine_lidar()));
+    expect_enclosed(frame_of(world_with(scene, cars_around()), fine_lidar(), 3));
   }
 }
 
@@ -134,7 +125,7 @@ TEST(label_at_the_scan, encloses_the_points_wherever_the_cut_angle_is) {
     SCOPED_TRACE(cut_angle);
     LidarConfig lidar = fine_lidar();
     lidar.units.front().pattern.spinning->cut_angle_deg = cut_angle;
-    const Frame f = frame(world_with(empty_road(), cars_around()), lidar);
+    const Frame f = frame_of(world_with(empty_road(), cars_around()), lidar, 3);
     expect_enclosed(f);
     for (const ObjectRecord& o : f.objects)
       worst_of_frame = std::max(worst_of_frame, farthest_outside(f, o.id, o.box, kMiddle_s, 1));
@@ -144,7 +135,7 @@ TEST(label_at_the_scan, encloses_the_points_wherever_the_cut_angle_is) {
 
 TEST(label_at_the_scan, is_at_the_mean_time_of_the_returns_on_the_trajectory) {
   const World world = world_with(empty_road(), cars_around());
-  const Frame f = frame(world, fine_lidar());
+  const Frame f = frame_of(world, fine_lidar(), 3);
   int moved = 0;
   for (const ObjectRecord& o : f.objects) {
     const std::vector<double> times = times_of(f, o.id);
@@ -165,7 +156,7 @@ TEST(label_at_the_scan, turns_with_a_vehicle_that_turns) {
   Trajectories turning = *world.trajectories;
   turning.rows[4][0].box.heading = 0.2;  // the heading is 0 in frame 3
   world.trajectories = std::make_shared<const Trajectories>(turning);
-  const Frame f = frame(world, fine_lidar());
+  const Frame f = frame_of(world, fine_lidar(), 3);
   const ObjectRecord& o = f.objects.at(0);
   EXPECT_NEAR(o.box.heading, 0.1, 1e-9);
   EXPECT_NEAR(o.scan_box.heading, 0.2 * o.scan_time_s / kUsualPeriod_s, 1e-9);
@@ -178,7 +169,7 @@ TEST(label_at_the_scan, of_a_vehicle_without_returns_is_that_of_mid_frame) {
   lidar.units.front().returns.max_range_m = 40;
   std::vector<ObjectState> cars{car_on_road(1, 12, -1.8, 0, 20)};
   cars.push_back(car_on_road(2, 0.5, -1.8, 0, 20));  // below the lowest line
-  const Frame f = frame(world_with(empty_road(), cars), lidar, 0);
+  const Frame f = frame_of(world_with(empty_road(), cars), lidar, 0);
   const ObjectRecord& hidden = f.objects.at(1);
   EXPECT_EQ(hidden.points, 0);
   EXPECT_EQ(hidden.scan_time_s, kMiddle_s);
@@ -193,7 +184,8 @@ TEST(label_at_the_scan, of_a_vehicle_that_the_cut_angle_splits_is_that_of_its_la
   // scanned first, and points to its left last.
   for (const auto& [y, first] : {std::pair{-0.4, true}, {0.4, false}}) {
     SCOPED_TRACE(y);
-    const Frame f = frame(world_with(empty_road(), {car_on_road(1, 15, y, 0, 20)}), fine_lidar());
+    const Frame f =
+        frame_of(world_with(empty_road(), {car_on_road(1, 15, y, 0, 20)}), fine_lidar(), 3);
     const ObjectRecord& o = f.objects.at(0);
     const std::vector<double> times = times_of(f, 1);
     ASSERT_LT(times.front(), 0.01);
@@ -208,8 +200,9 @@ TEST(label_at_the_scan, of_a_bundle_is_at_the_mean_of_all_its_units) {
   LidarConfig first = fine_lidar(), second = fine_lidar(), both = fine_lidar();
   second.units.front().pattern.spinning->cut_angle_deg = 120;
   both.units.push_back(second.units.front());
-  const ObjectRecord a = frame(world, first).objects.at(0), b = frame(world, second).objects.at(0);
-  const ObjectRecord whole = frame(world, both).objects.at(0);
+  const ObjectRecord a = frame_of(world, first, 3).objects.at(0),
+                     b = frame_of(world, second, 3).objects.at(0);
+  const ObjectRecord whole = frame_of(world, both, 3).objects.at(0);
   EXPECT_GT(std::abs(a.scan_time_s - b.scan_time_s), 0.03);
   EXPECT_NEAR(whole.scan_time_s,
               (a.points * a.scan_time_s + b.points * b.scan_time_s) / (a.points + b.points), 1e-6);
@@ -218,13 +211,13 @@ TEST(label_at_the_scan, of_a_bundle_is_at_the_mean_of_all_its_units) {
 TEST(label_at_the_scan, knows_the_returns_that_a_filter_removes) {
   SceneConfig scene = empty_road();
   const std::vector cars{car_on_road(1, 15, -3, 0, 20)};
-  const ObjectRecord all = frame(world_with(scene, cars), fine_lidar()).objects.at(0);
+  const ObjectRecord all = frame_of(world_with(scene, cars), fine_lidar(), 3).objects.at(0);
   scene.filters.push_back({CropRange{.min_m = 0, .max_m = 16}});
-  const ObjectRecord some = frame(world_with(scene, cars), fine_lidar()).objects.at(0);
+  const ObjectRecord some = frame_of(world_with(scene, cars), fine_lidar(), 3).objects.at(0);
   EXPECT_LT(some.points, all.points);
   EXPECT_EQ(some.scan_time_s, all.scan_time_s);
   scene.filters[0] = {CropRange{.min_m = 0, .max_m = 5}};
-  const ObjectRecord none = frame(world_with(scene, cars), fine_lidar()).objects.at(0);
+  const ObjectRecord none = frame_of(world_with(scene, cars), fine_lidar(), 3).objects.at(0);
   EXPECT_EQ(none.points, 0);
   EXPECT_EQ(none.points_in_box + none.points_in_scan_box, 0);
   EXPECT_EQ(none.scan_box.x, all.scan_box.x);
@@ -233,12 +226,13 @@ TEST(label_at_the_scan, knows_the_returns_that_a_filter_removes) {
 TEST(label_at_the_scan, of_a_frozen_world_is_where_it_was_frozen) {
   SceneConfig scene = empty_road();
   scene.aggregation = parse_aggregation("instant").value();
-  for (const ObjectRecord& o : frame(world_with(scene, cars_around()), fine_lidar()).objects) {
+  for (const ObjectRecord& o :
+       frame_of(world_with(scene, cars_around()), fine_lidar(), 3).objects) {
     EXPECT_NEAR(o.scan_time_s, kMiddle_s, 1e-12);
     EXPECT_NEAR(o.scan_box.x, o.box.x, 1e-9);
   }
   scene.aggregation = parse_aggregation("slices:2").value();
-  const Frame f = frame(world_with(scene, {car_on_road(1, 15, -3, 0, 20)}), fine_lidar());
+  const Frame f = frame_of(world_with(scene, {car_on_road(1, 15, -3, 0, 20)}), fine_lidar(), 3);
   EXPECT_NEAR(f.objects.at(0).scan_time_s, 0.025, 1e-12);
   EXPECT_EQ(f.objects.at(0).points_in_scan_box, f.objects.at(0).points);
 }
@@ -251,8 +245,8 @@ TEST(points_in_the_box, are_all_of_them_in_a_frozen_world_whatever_the_noise_and
   const World world = world_with(scene, cars_around());
   for (const char* name : {"ruby_plus", "helios_16", "livox_avia", "bundle_5_livox_avia"}) {
     SCOPED_TRACE(name);
-    const Frame f =
-        frame(world, read_lidar(configs() / "lidars" / (std::string(name) + ".yaml"), "datasheet"));
+    const Frame f = frame_of(
+        world, read_lidar(configs() / "lidars" / (std::string(name) + ".yaml"), "datasheet"), 3);
     int points = 0;
     for (const ObjectRecord& o : f.objects) {
       EXPECT_EQ(o.points_in_box, o.points) << o.id;
@@ -267,7 +261,7 @@ TEST(points_in_the_box, do_not_depend_on_range_noise) {
   const World world = world_with(empty_road(), cars_around());
   LidarConfig noisy = fine_lidar();
   noisy.units.front().returns.range_accuracy_m = 0.1;
-  const Frame a = frame(world, fine_lidar()), b = frame(world, noisy);
+  const Frame a = frame_of(world, fine_lidar(), 3), b = frame_of(world, noisy, 3);
   int outside = 0;
   for (std::size_t i = 0; i < a.objects.size(); ++i) {
     EXPECT_EQ(a.objects[i].points, b.objects[i].points);

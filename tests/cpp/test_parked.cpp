@@ -7,7 +7,7 @@
 #include "infrasim/pipeline/world.h"
 #include "infrasim/scene/overlaps.h"
 #include "infrasim/scene/parked.h"
-#include "infrasim/scene/traffic.h"
+#include "infrasim/scene/site_rules.h"
 #include "small_scenes.h"
 
 namespace infrasim {
@@ -15,6 +15,8 @@ namespace {
 
 using testing::configs;
 using testing::error_of;
+using testing::expect_within;
+using testing::simulate_traffic;
 using testing::TestFolder;
 
 /// The curve for five seconds, with rows of parked vehicles.
@@ -86,8 +88,41 @@ TEST(parked, rows_in_one_place_are_refused) {
         with_parked("[{road: bend, offset_m: -9, class_shares: {Car: 1}}, "
                     "{road: bend, offset_m: -9.5, class_shares: {Car: 1}}]"));
   });
-  EXPECT_NE(message.find("got a parked vehicle that overlaps another"), std::string::npos)
+  EXPECT_NE(message.find("got a Car "), std::string::npos) << message;
+  EXPECT_NE(message.find(" m wide with seed 1 that overlaps another object"), std::string::npos)
       << message;
+}
+
+TEST(parked, vehicles_on_a_lane_are_told_an_offset_beside_the_lanes) {
+  const auto message_of = [](double offset_m, const std::string& rest) {
+    return error_of([&] {
+      checked_site(
+          with_parked("[{road: bend, offset_m: " + std::to_string(offset_m) + rest + "}]"));
+    });
+  };
+  for (const std::string rest :
+       {", class_shares: {Bus: 1}", ", to_m: 200, class_shares: {Car: 0.5, Truck: 0.5}",
+        ", turn_deg: 90, gap_m: 1, class_shares: {Van: 1}"})
+    for (const double side : {-1, 1}) {
+      const std::string message = message_of(5.2 * side, rest);
+      expect_within(message, "m or more from the centreline for a ");
+      expect_within(message, " m wide with seed 1, got ");
+      const double offset_m =
+          std::stod(message.substr(message.find("expected ") + std::string("expected ").size()));
+      EXPECT_NO_THROW(checked_site(
+          with_parked("[{road: bend, offset_m: " + std::to_string(offset_m * side) + rest + "}]")))
+          << message;
+      expect_within(message_of((offset_m - 0.03) * side, rest), "m or more from the centreline");
+    }
+}
+
+TEST(parked, a_vehicle_on_the_lane_of_another_road_is_named_with_its_size_and_seed) {
+  const std::vector<std::string> rows{
+      "parked=[{road: main, offset_m: -16, class_shares: {Bus: 1}}]"};
+  const std::string message =
+      error_of([&] { checked_site(read_scene(configs() / "scenes/crossroad.yaml", rows)); });
+  expect_within(message, "expected beside the lanes or 4.5 m above them, got a Bus 1");
+  expect_within(message, " m wide with seed 1 on a lane near x ");
 }
 
 TEST(parked, more_vehicles_than_are_looked_at_are_refused) {

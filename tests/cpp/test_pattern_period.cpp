@@ -12,9 +12,8 @@
 namespace infrasim {
 namespace {
 
-LidarConfig shipped(const std::string& name, const std::string& preset = "equal") {
-  return read_lidar(testing::configs() / "lidars" / (name + ".yaml"), preset);
-}
+using testing::five_directions;
+using testing::shipped;
 
 LidarConfig lidar_of(const std::vector<PatternConfig>& patterns) {
   LidarConfig lidar;
@@ -29,14 +28,6 @@ PatternConfig turning(double rate_hz, double step_deg) {
   spinning.rate_hz = rate_hz;
   spinning.azimuth_step_deg = step_deg;
   spinning.channels.table = {{0, 0, 0}};
-  return pattern;
-}
-
-PatternConfig five_directions() {
-  PatternConfig pattern;
-  TableConfig& table = pattern.table.emplace();
-  table.rays_per_s = 1003;
-  table.directions = {{0, 0}, {0.1, 0.2}, {-0.3, 0.1}, {3, -0.4}, {1, 1}};
   return pattern;
 }
 
@@ -63,7 +54,7 @@ TEST(pattern_period, is_the_first_after_which_frames_are_the_same) {
   std::vector<LidarConfig> lidars;
   for (const char* name :
        {"livox_avia", "livox_mid_40", "velodyne_hdl_64e", "helios_16", "hesai_ot128"})
-    lidars.push_back(shipped(name));
+    lidars.push_back(shipped(name, "equal"));
   lidars.push_back(lidar_of({five_directions()}));
   lidars.push_back(lidar_of({turning(5, 0.2)}));
   lidars.push_back(lidar_of({turning(10, 0.7)}));
@@ -82,18 +73,20 @@ TEST(pattern_period, is_the_first_after_which_frames_are_the_same) {
 }
 
 TEST(pattern_period, of_a_bundle_is_that_of_all_its_units) {
-  EXPECT_EQ(pattern_period(shipped("bundle_5_livox_avia"), 1000), 200);
+  EXPECT_EQ(pattern_period(shipped("bundle_5_livox_avia", "equal"), 1000), 200);
   EXPECT_EQ(
-      pattern_period(lidar_of({shipped("livox_avia").units[0].pattern, turning(10, 0.7)}), 2000),
+      pattern_period(lidar_of({shipped("livox_avia", "equal").units[0].pattern, turning(10, 0.7)}),
+                     2000),
       1400);
 }
 
 TEST(pattern_period, beyond_the_frames_is_none) {
-  EXPECT_EQ(pattern_period(shipped("livox_avia"), 199), 0);
+  EXPECT_EQ(pattern_period(shipped("livox_avia", "equal"), 199), 0);
 }
 
 TEST(period_warnings, say_how_many_frames_of_the_pattern_a_step_shows) {
-  const std::vector<LidarConfig> lidars{shipped("livox_avia"), shipped("helios_16")};
+  const std::vector<LidarConfig> lidars{shipped("livox_avia", "equal"),
+                                        shipped("helios_16", "equal")};
   const std::vector<std::string> lines = period_warnings(lidars, 0, 5000, 25);
   ASSERT_EQ(lines.size(), 1U);
   for (const char* word : {"livox_avia: ", "such as 27, got 25, ", "shows 8 of the pattern's 200 "})
@@ -101,7 +94,7 @@ TEST(period_warnings, say_how_many_frames_of_the_pattern_a_step_shows) {
 }
 
 TEST(period_warnings, are_none_where_no_other_step_shows_more) {
-  const std::vector<LidarConfig> avia{shipped("livox_avia")};
+  const std::vector<LidarConfig> avia{shipped("livox_avia", "equal")};
   EXPECT_TRUE(period_warnings(avia, 0, 5000, 1).empty());
   EXPECT_TRUE(period_warnings(avia, 0, 5000, 27).empty());
   EXPECT_TRUE(period_warnings(avia, 0, 200, 25).empty());

@@ -23,17 +23,12 @@ using testing::configs;
 using testing::distance_to_surface;
 using testing::empty_road;
 using testing::error_of;
+using testing::frame_of;
 using testing::plain_lidar;
 using testing::point;
 using testing::spinning;
 using testing::straight_on;
-
-World world_with(const SceneConfig& scene, const std::vector<ObjectState>& at_start) {
-  World world = build_world(scene);
-  world.trajectories =
-      std::make_shared<const Trajectories>(straight_on(at_start, row_steps(scene.duration_s)));
-  return world;
-}
+using testing::world_with;
 
 /// A LiDAR that looks 0 to 20 degrees down, with 1800 columns per turn at 10 Hz.
 /// A turn begins behind the sensor, so that it does not split a car ahead.
@@ -41,11 +36,6 @@ LidarConfig fine_lidar(double rate_hz) {
   PatternConfig pattern = spinning(41, -20, 0, 0.2);
   pattern.spinning->cut_angle_deg = 180;
   return with_rate(plain_lidar("lidar", pattern), rate_hz);
-}
-
-Frame frame(const World& world, const LidarConfig& lidar, int k) {
-  FrameSimulator simulator(world, std::array{lidar});
-  return std::move(simulator.simulate(k, {true}).front());
 }
 
 /// A car that brakes from 20 m/s and turns.
@@ -129,7 +119,7 @@ TEST(frame_of_a_period, has_one_turn_whose_points_lie_on_the_vehicle_at_their_ti
     const double frame_s = 1 / rate_hz;
     int points = 0, in_box = 0, frames = 0;
     for (int k = 0; k < world.frames(frame_s); ++k) {
-      const Frame f = frame(world, lidar, k);
+      const Frame f = frame_of(world, lidar, k);
       EXPECT_EQ(f.rays, static_cast<std::size_t>(18000 / rate_hz) * 41);
       const auto objects = world.objects_in_frame(k, frame_s);
       ASSERT_EQ(objects.size(), 1U);
@@ -190,9 +180,9 @@ TEST(frames_of_a_period, are_the_whole_ones_in_the_duration) {
   EXPECT_EQ(frame_count(60, 1 / 15.0), 900);
   EXPECT_EQ(frame_count(0.3, 0.2), 1);
   const World world = world_with(empty_road(), {});
-  EXPECT_NO_THROW(frame(world, fine_lidar(20), 19));
-  error_of([&] { frame(world, fine_lidar(20), 20); });
-  error_of([&] { frame(world, fine_lidar(5), 5); });
+  EXPECT_NO_THROW(frame_of(world, fine_lidar(20), 19));
+  error_of([&] { frame_of(world, fine_lidar(20), 20); });
+  error_of([&] { frame_of(world, fine_lidar(5), 5); });
 }
 
 TEST(static_layer_of_a_period, gives_the_frames_of_casting_all) {

@@ -48,7 +48,7 @@ TEST(pitch, points_of_a_vehicle_on_a_grade_lie_in_its_own_box) {
     const World world = world_on_a_grade(speed);
     const std::array lidars{plain_lidar("turning", spinning(128, -25, 5, 0.1))};
     const Frame frame = FrameSimulator(world, lidars).simulate(3, {true}).front();
-    const auto moving = world.trajectories->in_step(3);
+    const auto moving = world.trajectories->between(3, 4);
     std::array<int, 2> points{};
     double farthest_from_level = 0;
     for (std::size_t i = 0; i < frame.cloud.size(); ++i) {
@@ -92,7 +92,7 @@ TEST(pitch, a_vehicle_at_the_end_of_the_range_has_the_same_points_beside_a_longe
 
 TEST(pitch, frozen_triangles_stand_where_rays_meet_them) {
   const World world = world_on_a_grade(0);
-  const Box3d box = world.level.to_level(world.trajectories->in_step(3)[0].at(0.5));
+  const Box3d box = world.level.to_level(world.trajectories->between(3, 4)[0].at(0.5));
   const TriangleMesh mesh = frozen_mesh(world, 3, kUsualPeriod_s, 0.5);
   double highest = -kInf, lowest = kInf;
   for (std::size_t i = world.background().vertices.size(); i < mesh.vertices.size(); ++i) {

@@ -21,6 +21,8 @@ namespace infrasim {
 namespace {
 
 using testing::configs;
+using testing::five_directions;
+using testing::shipped;
 using testing::spinning;
 
 const Mat3 kLevel = rotation(0, 0, 0);
@@ -50,15 +52,6 @@ PatternConfig alternating() {
   channels[1].column_step = 2;
   channels[4].column_step = 3, channels[4].first_column = 2;
   channels[5].column_step = 6, channels[5].first_column = 5;
-  return pattern;
-}
-
-PatternConfig five_directions() {
-  TableConfig table;
-  table.rays_per_s = 1003;
-  table.directions = {{0, 0}, {0.1, 0.2}, {-0.3, 0.1}, {3, -0.4}, {1, 1}};
-  PatternConfig pattern;
-  pattern.table = table;
   return pattern;
 }
 
@@ -299,10 +292,6 @@ TEST(scan_pattern, of_every_spinning_lidar_that_ships_repeats) {
   EXPECT_EQ(spinning_units, 9);
 }
 
-PatternConfig shipped(const std::string& name) {
-  return read_lidar(configs() / "lidars" / (name + ".yaml"), "datasheet").units.front().pattern;
-}
-
 TEST(catalogue, lidars_have_the_columns_of_their_firing_cycle) {
   struct Cycle {
     std::string name;
@@ -320,7 +309,7 @@ TEST(catalogue, lidars_have_the_columns_of_their_firing_cycle) {
                           {"ruby_plus", 55.556, {1800, 1}},
                           {"helios_16", 55.556, {1800, 1}}}) {
     SCOPED_TRACE(name);
-    const SpinningConfig spinning = *shipped(name).spinning;
+    const SpinningConfig spinning = *shipped(name).units.front().pattern.spinning;
     const auto per_turn = columns_per_turn(spinning);
     EXPECT_EQ(per_turn->numerator, columns.numerator);
     EXPECT_EQ(per_turn->denominator, columns.denominator);
@@ -338,7 +327,7 @@ TEST(catalogue, channels_fire_one_after_the_other_within_their_cycle) {
                                                                  {"velodyne_vls_128", 2.665, 42.64},
                                                                  {"hesai_xt32", 1.512, 47.152}}) {
     SCOPED_TRACE(name);
-    const SpinningConfig spinning = *shipped(name).spinning;
+    const SpinningConfig spinning = *shipped(name).units.front().pattern.spinning;
     const std::vector<Channel>& channels = spinning.channels.table;
     EXPECT_NEAR(channels.back().fire_time_us, last_us, 1e-9);
     EXPECT_LT(channels.back().fire_time_us, 1e6 / columns_per_s(spinning));
@@ -349,7 +338,7 @@ TEST(catalogue, channels_fire_one_after_the_other_within_their_cycle) {
     }
   }
   // The two blocks of the HDL-64E fire at the same time.
-  const PatternConfig config = shipped("velodyne_hdl_64e");
+  const PatternConfig config = shipped("velodyne_hdl_64e").units.front().pattern;
   const std::vector<Channel>& hdl = config.spinning->channels.table;
   for (std::size_t i = 0; i < 32; ++i) {
     EXPECT_EQ(hdl[i].fire_time_us, hdl[i + 32].fire_time_us);
@@ -360,7 +349,7 @@ TEST(catalogue, channels_fire_one_after_the_other_within_their_cycle) {
 }
 
 TEST(catalogue, the_ot128_has_3600_rays_per_turn_in_channels_25_to_88_and_1800_in_the_others) {
-  const PatternConfig config = shipped("hesai_ot128");
+  const PatternConfig config = shipped("hesai_ot128").units.front().pattern;
   const ScanPattern pattern(config, 0, kLevel, 0);
   EXPECT_EQ(pattern.rings(), 128);
   EXPECT_NEAR(rays_per_s(config), 3'456'000, 1e-6);

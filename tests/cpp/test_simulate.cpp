@@ -31,24 +31,13 @@ using testing::car_on_road;
 using testing::distance_to_surface;
 using testing::empty_road;
 using testing::expect_equal;
+using testing::frame_of;
 using testing::ground_at;
 using testing::plain_lidar;
 using testing::point;
 using testing::spinning;
 using testing::straight_on;
-
-/// A scene with these vehicles in place of its traffic.
-World world_with(const SceneConfig& scene, const std::vector<ObjectState>& at_start,
-                 int frames = 10) {
-  World world = build_world(scene);
-  world.trajectories = std::make_shared<const Trajectories>(straight_on(at_start, frames));
-  return world;
-}
-
-Frame frame(const World& world, const LidarConfig& lidar, int k = 0) {
-  FrameSimulator simulator(world, std::array{lidar});
-  return std::move(simulator.simulate(k, {true}).front());
-}
+using testing::world_with;
 
 /// A LiDAR that looks 0 to 20 degrees down, with enough rays to hit a car often.
 LidarConfig fine_lidar(const std::string& name = "lidar") {
@@ -80,7 +69,7 @@ std::vector<ObjectState> vehicles_around() {
 TEST(frame, range_to_flat_ground_is_height_over_sine) {
   SceneConfig scene = empty_road();
   scene.ground.push_back(ground_at(-0.5));
-  const Frame f = frame(world_with(scene, {}), fine_lidar());
+  const Frame f = frame_of(world_with(scene, {}), fine_lidar());
   std::size_t on_road = 0;
   for (std::size_t i = 0; i < f.cloud.size(); ++i) {
     const bool road = f.cloud.class_id[i] == static_cast<std::uint16_t>(Class::kRoad);
@@ -97,7 +86,7 @@ TEST(frame, points_of_a_standing_vehicle_lie_on_its_box) {
   SceneConfig scene = empty_road();
   scene.mounts["pole"] = {.x_m = 3, .y_m = -7, .z_m = 5, .yaw_deg = 30};
   const std::vector standing{car_on_road(5, 20, -1.8, 0.2), car_on_road(6, 2, 1.8, kPi)};
-  const Frame f = frame(world_with(scene, standing), fine_lidar());
+  const Frame f = frame_of(world_with(scene, standing), fine_lidar());
   ASSERT_EQ(f.objects.size(), 2U);
   std::map<int, int> points;
   for (std::size_t i = 0; i < f.cloud.size(); ++i) {
@@ -117,7 +106,7 @@ TEST(frame, points_of_a_standing_vehicle_lie_on_its_box) {
 TEST(frame, boxes_are_those_of_the_world_seen_from_the_mount) {
   SceneConfig scene = empty_road();
   scene.mounts["pole"] = {.x_m = 10, .y_m = 5, .z_m = 6, .yaw_deg = 90};
-  const Frame f = frame(world_with(scene, {car_on_road(1, 10, 25, rad(120), 5)}), fine_lidar());
+  const Frame f = frame_of(world_with(scene, {car_on_road(1, 10, 25, rad(120), 5)}), fine_lidar());
   const ObjectRecord& o = f.objects.at(0);
   EXPECT_NEAR(o.box.x, 20 + 0.25 * std::sin(rad(120)), 1e-9);  // mid-frame is 0.05 s later
   EXPECT_NEAR(o.box.y, -0.25 * std::cos(rad(120)), 1e-9);
@@ -129,19 +118,19 @@ TEST(frame, boxes_are_those_of_the_world_seen_from_the_mount) {
 
 TEST(frame, without_vehicles_is_the_same_at_any_time) {
   const World world = world_with(empty_road(), {});
-  expect_equal(frame(world, fine_lidar(), 0).cloud, frame(world, fine_lidar(), 9).cloud);
+  expect_equal(frame_of(world, fine_lidar(), 0).cloud, frame_of(world, fine_lidar(), 9).cloud);
 }
 
 TEST(frame, that_the_scene_does_not_have_is_an_error) {
   const World world = world_with(empty_road(), {});
-  for (const int k : {-1, 10}) testing::error_of([&] { frame(world, fine_lidar(), k); });
+  for (const int k : {-1, 10}) testing::error_of([&] { frame_of(world, fine_lidar(), k); });
 }
 
 // --- motion -----------------------------------------------------------------------------------
 
 /// The box of a vehicle at the firing time of a point.
 Box3d box_at(const World& world, const PointCloud& cloud, std::size_t i, int k) {
-  for (const MovingObject& o : world.trajectories->in_step(k))
+  for (const MovingObject& o : world.trajectories->between(k, k + 1))
     if (o.id == cloud.object_id[i])
       return world.level.to_level(o.at(cloud.time[i] / kUsualPeriod_s));
   ADD_FAILURE() << "no vehicle " << cloud.object_id[i];
@@ -150,7 +139,7 @@ Box3d box_at(const World& world, const PointCloud& cloud, std::size_t i, int k) 
 
 TEST(exact_aggregation, points_lie_on_the_vehicle_where_it_is_when_they_are_measured) {
   const World world = world_with(empty_road(), vehicles_around());
-  const Frame f = frame(world, fine_lidar(), 3);
+  const Frame f = frame_of(world, fine_lidar(), 3);
   int checked = 0;
   for (std::size_t i = 0; i < f.cloud.size(); ++i) {
     if (f.cloud.object_id[i] < 0) continue;
@@ -168,8 +157,8 @@ World sliced(const char* aggregation) {
 
 TEST(slices, of_1_ms_put_points_within_1_ms_of_motion_of_the_exact_ones) {
   const World world = sliced("exact");
-  const Frame exact = frame(world, fine_lidar(), 3);
-  const Frame approximate = frame(sliced("slices:100"), fine_lidar(), 3);
+  const Frame exact = frame_of(world, fine_lidar(), 3);
+  const Frame approximate = frame_of(sliced("slices:100"), fine_lidar(), 3);
   std::map<std::pair<int, float>, std::size_t> exact_of_ray;
   for (std::size_t i = 0; i < exact.cloud.size(); ++i)
     exact_of_ray[{exact.cloud.ring[i], exact.cloud.time[i]}] = i;
@@ -192,8 +181,8 @@ TEST(slices, of_1_ms_put_points_within_1_ms_of_motion_of_the_exact_ones) {
 }
 
 TEST(slices, come_in_firing_order_with_every_ray_of_the_frame) {
-  const Frame exact = frame(sliced("exact"), fine_lidar(), 3);
-  const Frame approximate = frame(sliced("slices:7"), fine_lidar(), 3);
+  const Frame exact = frame_of(sliced("exact"), fine_lidar(), 3);
+  const Frame approximate = frame_of(sliced("slices:7"), fine_lidar(), 3);
   EXPECT_EQ(exact.rays, approximate.rays);
   EXPECT_TRUE(std::ranges::is_sorted(approximate.cloud.time));
   EXPECT_NEAR(static_cast<double>(approximate.cloud.size()),
@@ -202,7 +191,7 @@ TEST(slices, come_in_firing_order_with_every_ray_of_the_frame) {
 }
 
 TEST(instant, puts_all_points_of_a_vehicle_into_its_box) {
-  const Frame f = frame(sliced("instant"), fine_lidar(), 3);
+  const Frame f = frame_of(sliced("instant"), fine_lidar(), 3);
   int points = 0;
   for (const ObjectRecord& o : f.objects) {
     EXPECT_EQ(o.points, o.points_in_box) << o.id;
@@ -212,7 +201,7 @@ TEST(instant, puts_all_points_of_a_vehicle_into_its_box) {
 }
 
 TEST(exact_aggregation, leaves_points_of_a_moving_vehicle_outside_its_box) {
-  const Frame f = frame(sliced("exact"), fine_lidar(), 3);
+  const Frame f = frame_of(sliced("exact"), fine_lidar(), 3);
   int outside = 0;
   for (const ObjectRecord& o : f.objects) {
     EXPECT_TRUE(o.speed_m_s > 0 || o.points == o.points_in_box);
@@ -225,9 +214,9 @@ TEST(aggregation, of_a_world_that_stands_still_makes_no_difference) {
   std::vector<ObjectState> standing = vehicles_around();
   for (ObjectState& s : standing) s.speed_m_s = 0;
   SceneConfig scene = empty_road();
-  const Frame exact = frame(world_with(scene, standing), fine_lidar(), 2);
+  const Frame exact = frame_of(world_with(scene, standing), fine_lidar(), 2);
   scene.aggregation = parse_aggregation("slices:10").value();
-  expect_equal(frame(world_with(scene, standing), fine_lidar(), 2).cloud, exact.cloud);
+  expect_equal(frame_of(world_with(scene, standing), fine_lidar(), 2).cloud, exact.cloud);
 }
 
 // --- repeatable -------------------------------------------------------------------------------
@@ -243,7 +232,7 @@ TEST(frame, of_a_lidar_does_not_depend_on_the_other_lidars) {
   const auto frames = together.simulate(4, {true, true, true, true});
   for (std::size_t i = 0; i < lidars.size(); ++i) {
     SCOPED_TRACE(lidars.at(i).name);
-    const Frame alone = frame(world, lidars.at(i), 4);
+    const Frame alone = frame_of(world, lidars.at(i), 4);
     expect_equal(frames[i].cloud, alone.cloud);
     ASSERT_EQ(frames[i].objects.size(), alone.objects.size());
     for (std::size_t n = 0; n < alone.objects.size(); ++n) {
@@ -268,7 +257,7 @@ TEST(frame, of_a_lidar_does_not_depend_on_another_that_sees_a_vehicle_come_into_
   far.units.front().returns.max_range_m = 200;
   FrameSimulator together(world, std::array{near, far});
   const Frame beside = std::move(together.simulate(0, {true, true}).front());
-  const Frame alone = frame(world, near);
+  const Frame alone = frame_of(world, near);
   expect_equal(beside.cloud, alone.cloud);
   EXPECT_GT(std::ranges::count(alone.cloud.object_id, 1), 5);
   for (const Frame* f : {&beside, &alone})
@@ -285,7 +274,7 @@ TEST(frame, does_not_depend_on_the_frames_before_it) {
   FrameSimulator one_by_one(world, std::array{drawing_lidar("a")});
   for (int k = 40; k < 45; ++k) one_by_one.simulate(k, {true});
   const Frame after = std::move(one_by_one.simulate(45, {true}).front());
-  const Frame alone = frame(world, drawing_lidar("a"), 45);
+  const Frame alone = frame_of(world, drawing_lidar("a"), 45);
   expect_equal(after.cloud, alone.cloud);
   EXPECT_GT(alone.objects.size(), 3U);
 }
@@ -301,9 +290,9 @@ TEST(frame, that_is_not_wanted_stays_empty) {
 
 TEST(frame, of_another_seed_draws_other_returns) {
   SceneConfig scene = empty_road();
-  const Frame one = frame(world_with(scene, {}), drawing_lidar("a"));
+  const Frame one = frame_of(world_with(scene, {}), drawing_lidar("a"));
   scene.seed = 2;
-  EXPECT_NE(frame(world_with(scene, {}), drawing_lidar("a")).cloud.size(), one.cloud.size());
+  EXPECT_NE(frame_of(world_with(scene, {}), drawing_lidar("a")).cloud.size(), one.cloud.size());
 }
 
 // --- visibility -------------------------------------------------------------------------------
@@ -313,7 +302,7 @@ TEST(frame, visibility_is_a_share_within_the_region_and_unknown_outside) {
   scene.region_half_length_m = 40;
   std::vector<ObjectState> vehicles = vehicles_around();  // the last vehicle is at 60 m
   vehicles.push_back(car_on_road(9, 20, 12, 0));          // beside the road
-  const Frame f = frame(world_with(scene, vehicles), fine_lidar());
+  const Frame f = frame_of(world_with(scene, vehicles), fine_lidar());
   ASSERT_EQ(f.objects.size(), 6U);
   for (const ObjectRecord& o : f.objects) {
     const bool outside = o.id == 4 || o.id == 7 || o.id == 9;  // the bus is also off the road
@@ -329,7 +318,7 @@ TEST(frame, every_vehicle_in_reach_is_listed_hit_or_not) {
   LidarConfig lidar = fine_lidar();
   lidar.units.front().returns.max_range_m = 40;
   std::vector<ObjectState> vehicles = vehicles_around();  // the last vehicle is at 60 m
-  const Frame f = frame(world_with(empty_road(), vehicles), lidar);
+  const Frame f = frame_of(world_with(empty_road(), vehicles), lidar);
   std::vector<int> ids;
   for (const ObjectRecord& o : f.objects) ids.push_back(o.id);
   EXPECT_EQ(ids, (std::vector<int>{1, 2, 3, 4}));
@@ -346,9 +335,9 @@ TEST(bundle, has_the_points_of_its_parts_and_rings_that_go_on) {
   LidarConfig both = left;
   both.name = "both";
   both.units.push_back(right.units.front());
-  const Frame whole = frame(world, both, 2);
-  PointCloud parts = frame(world, left, 2).cloud;
-  const PointCloud second = frame(world, right, 2).cloud;
+  const Frame whole = frame_of(world, both, 2);
+  PointCloud parts = frame_of(world, left, 2).cloud;
+  const PointCloud second = frame_of(world, right, 2).cloud;
   const auto append = [](auto& to, const auto& from) {
     to.insert(to.end(), from.begin(), from.end());
   };
@@ -358,6 +347,7 @@ TEST(bundle, has_the_points_of_its_parts_and_rings_that_go_on) {
   for (const int ring : second.ring) parts.ring.push_back(static_cast<std::uint16_t>(41 + ring));
   append(parts.class_id, second.class_id);
   append(parts.object_id, second.object_id);
+  append(parts.echo, second.echo);
   expect_equal(whole.cloud, parts);
   EXPECT_EQ(whole.rays, 2U * 41U * 720U);
 }
@@ -370,10 +360,10 @@ TEST(mount, that_leans_turns_the_beams_and_leaves_boxes_and_walls_upright) {
   wall.width_m = 30;
   wall.height_m = 20;
   const LidarConfig lidar = plain_lidar("lidar", spinning(1, 0, 0, 0.2));
-  const Frame level = frame(world_with(scene, vehicles_around()), lidar);
+  const Frame level = frame_of(world_with(scene, vehicles_around()), lidar);
   scene.mounts["pole"].pitch_deg = 10;
   scene.mounts["pole"].roll_deg = 4;
-  const Frame leaning = frame(world_with(scene, vehicles_around()), lidar);
+  const Frame leaning = frame_of(world_with(scene, vehicles_around()), lidar);
 
   ASSERT_EQ(leaning.objects.size(), level.objects.size());
   for (std::size_t i = 0; i < level.objects.size(); ++i) {
@@ -401,7 +391,7 @@ TEST(mount, that_leans_turns_the_beams_and_leaves_boxes_and_walls_upright) {
 TEST(mount, pitched_down_looks_at_the_ground_ahead) {
   SceneConfig scene = empty_road();
   scene.mounts["pole"].pitch_deg = 10;
-  const Frame f = frame(world_with(scene, {}), plain_lidar("lidar", spinning(1, 0, 0, 0.2)));
+  const Frame f = frame_of(world_with(scene, {}), plain_lidar("lidar", spinning(1, 0, 0, 0.2)));
   double nearest = kInf;
   for (std::size_t i = 0; i < f.cloud.size(); ++i) {
     EXPECT_GT(f.cloud.xyz[3 * i], 0);
@@ -433,7 +423,7 @@ TEST(beam, on_a_wall_is_at_the_walls_range) {
   scene.buildings.back().y_m = 20;
   scene.buildings.back().width_m = 30;
   scene.buildings.back().height_m = 20;
-  const Frame f = frame(world_with(scene, {}), beam_lidar(1, 0.3));
+  const Frame f = frame_of(world_with(scene, {}), beam_lidar(1, 0.3));
   ASSERT_GT(f.cloud.size(), 20U);
   for (std::size_t i = 0; i < f.cloud.size(); ++i) {
     const Vec3 p = point(f.cloud, i);
@@ -449,7 +439,7 @@ TEST(beam, just_above_the_horizon_sees_what_stands_just_below_it) {
   wall.y_m = 20;
   wall.width_m = 30;
   wall.height_m = 5.95;  // 0.14 degrees below the horizon: at 20 m, seen from a height of 6 m
-  const Frame f = frame(world_with(scene, {}), beam_lidar(0.2, 2));  // from -0.8 to 1.2 degrees
+  const Frame f = frame_of(world_with(scene, {}), beam_lidar(0.2, 2));  // from -0.8 to 1.2 degrees
   EXPECT_GT(f.cloud.size(), 20U);
 }
 
@@ -495,7 +485,7 @@ TEST(beam, partly_in_the_blind_zone_sees_what_stands_beyond_it) {
   lidar.units.front().returns.beam->horizontal_deg = 8;
   const auto behind_the_pole = [&](double min_range_m) {
     lidar.units.front().returns.min_range_m = min_range_m;
-    const Frame f = frame(world_with(scene, {}), lidar);
+    const Frame f = frame_of(world_with(scene, {}), lidar);
     int points = 0;
     for (std::size_t i = 0; i < f.cloud.size(); ++i)
       points += point(f.cloud, i).x > 10 && std::abs(point(f.cloud, i).y) < 1;
@@ -515,7 +505,7 @@ LidarConfig wide_beam_lidar(double elevation_deg, double pitch_deg = 0) {
 TEST(beam, wide_and_flat_has_one_range_to_flat_ground_all_around) {
   SceneConfig scene = empty_road();
   scene.ground.push_back(ground_at(-0.001));
-  const Frame f = frame(world_with(scene, {}), wide_beam_lidar(-20));
+  const Frame f = frame_of(world_with(scene, {}), wide_beam_lidar(-20));
   ASSERT_EQ(f.cloud.size(), 720U);
   const double middle = 6 / std::sin(rad(20));
   for (std::size_t i = 0; i < f.cloud.size(); ++i) {
@@ -554,9 +544,9 @@ TEST(beam, wide_sees_what_stands_beside_its_middle_whether_or_not_rays_are_left_
         LidarConfig lidar = beam_lidar(elevation_deg, 0.1);
         BeamConfig& beam = *lidar.units.front().returns.beam;
         (wide ? beam.horizontal_deg : beam.vertical_deg) = 8;
-        const Frame f = frame(world_with(scene, {}), lidar);
+        const Frame f = frame_of(world_with(scene, {}), lidar);
         surround(scene);
-        expect_equal(f.cloud, frame(world_with(scene, {}), lidar).cloud);
+        expect_equal(f.cloud, frame_of(world_with(scene, {}), lidar).cloud);
         EXPECT_GT(f.cloud.size(), 4U) << azimuth_deg << " " << elevation_deg << " " << wide;
       }
 }
@@ -571,9 +561,9 @@ TEST(beam, wide_sees_vehicles_and_leaves_beside_its_middle_whether_or_not_rays_a
   crane.box.z = 6;
   LidarConfig lidar = beam_lidar(5, 0.1);
   lidar.units.front().returns.beam->horizontal_deg = 8;
-  const Frame f = frame(world_with(scene, {crane}), lidar);
+  const Frame f = frame_of(world_with(scene, {crane}), lidar);
   surround(scene);
-  expect_equal(f.cloud, frame(world_with(scene, {crane}), lidar).cloud);
+  expect_equal(f.cloud, frame_of(world_with(scene, {crane}), lidar).cloud);
   for (const Class seen : {Class::kCar, Class::kVegetation})
     EXPECT_GT(std::ranges::count(f.cloud.class_id, static_cast<std::uint16_t>(seen)), 8);
 }
@@ -614,7 +604,7 @@ TEST(beam, turns_with_its_unit) {
 TEST(beam, straight_down_is_at_the_sensors_height) {
   for (const bool wide : {true, false}) {
     const LidarConfig lidar = wide ? wide_beam_lidar(-90) : beam_lidar(-90, 5);
-    const Frame f = frame(world_with(empty_road(), {}), lidar);
+    const Frame f = frame_of(world_with(empty_road(), {}), lidar);
     ASSERT_EQ(f.cloud.size(), 720U);
     for (std::size_t i = 0; i < f.cloud.size(); ++i) EXPECT_NEAR(norm(point(f.cloud, i)), 6, 0.01);
   }
@@ -699,7 +689,8 @@ TEST(frozen_mesh, has_the_vehicles_where_they_are_at_that_instant) {
   const std::size_t background = world.background().vertices.size();
   ASSERT_EQ(mesh.vertices.size(), background + world.meshes->bodies.front().vertices.size());
   EXPECT_EQ(mesh.class_id.size(), mesh.triangles.size());
-  const Box3d box = world.level.to_level(body_box(world.trajectories->in_step(2).front().at(0.25)));
+  const Box3d box =
+      world.level.to_level(body_box(world.trajectories->between(2, 3).front().at(0.25)));
   for (std::size_t i = background; i < mesh.vertices.size(); ++i)
     EXPECT_LT(
         distance_to_surface(box, {mesh.vertices[i][0], mesh.vertices[i][1], mesh.vertices[i][2]}),
@@ -759,8 +750,8 @@ TEST(background_filter, draws_noise_of_its_own) {
   scene.filters.push_back({learning});
   LidarConfig lidar = fine_lidar();
   lidar.units.front().returns.range_accuracy_m = 0.03;
-  const std::size_t built = frame(world_with(scene, {}), lidar, 0).cloud.size();
-  const std::size_t other = frame(world_with(scene, {}), lidar, 1).cloud.size();
+  const std::size_t built = frame_of(world_with(scene, {}), lidar, 0).cloud.size();
+  const std::size_t other = frame_of(world_with(scene, {}), lidar, 1).cloud.size();
   EXPECT_GT(built, 1000U);
   EXPECT_NEAR(static_cast<double>(built) / static_cast<double>(other), 1, 0.1);
 }

@@ -62,6 +62,7 @@ TEST(lane_path, of_ten_times_the_rows_takes_few_more_comparisons) {
 }
 
 using testing::error_of;
+using testing::expect_within;
 
 class SiteFiles : public ::testing::Test {
  protected:
@@ -76,10 +77,6 @@ class SiteFiles : public ::testing::Test {
 
   testing::TestFolder folder_;
 };
-
-void expect_within(const std::string& message, const std::string& what) {
-  EXPECT_NE(message.find(what), std::string::npos) << message << "\n  must say " << what;
-}
 
 constexpr char kSquare[] =
     "ply\nformat ascii 1.0\ncomment a square\nelement vertex 4\nproperty double x\n"

@@ -20,10 +20,6 @@ using namespace testing;
 constexpr std::size_t kHeader = std::string_view("infrasim-static-layer 2\n").size();
 constexpr std::size_t kUnits = kHeader + 7 * 8;  // position of the number of units
 
-LidarConfig shipped(const std::string& name, const std::string& preset = "datasheet") {
-  return read_lidar(configs() / "lidars" / (name + ".yaml"), preset);
-}
-
 World crossroad(const std::vector<std::string>& assignments, const std::string& preset) {
   std::vector<std::string> all{"duration_s=5", "traffic.warm_up_s=20"};
   all.insert(all.end(), assignments.begin(), assignments.end());

@@ -12,7 +12,6 @@
 #include "infrasim/scene/overlaps.h"
 #include "infrasim/scene/region.h"
 #include "infrasim/scene/static_world.h"
-#include "infrasim/scene/traffic.h"
 #include "infrasim/scene/traffic_signals.h"
 #include "infrasim/scene/traffic_state.h"
 #include "infrasim/scene/trajectory_text.h"
@@ -24,6 +23,7 @@ namespace {
 using testing::configs;
 using testing::empty_road;
 using testing::error_of;
+using testing::simulate_traffic;
 
 SceneConfig committed(const std::string& name, double duration_s) {
   SceneConfig scene = read_scene(configs() / "scenes" / (name + ".yaml"));
@@ -65,7 +65,7 @@ Flow flow(const Trajectories& t, int from_s, int to_s) {
 
 void expect_no_overlaps(const SceneConfig& scene) {
   OverlapSearch search;
-  simulate_traffic(build_site(scene), [&](const auto& states) { search.take(states); });
+  for (const auto& states : simulate_traffic(build_site(scene)).rows) search.take(states);
   for (const Overlap& o : search.overlaps())
     ADD_FAILURE() << "vehicles " << o.first_id << " and " << o.second_id << " at " << o.time_s
                   << " s, x " << o.place.x << ", y " << o.place.y;
@@ -343,12 +343,11 @@ SceneConfig roundabout(double radius_m, double angle_deg, bool ends_there) {
 std::map<std::string, int> ways(const SceneConfig& scene) {
   const auto arm = [](const Box3d& box) { return box.y < -15 ? 's' : box.x < 0 ? 'w' : 'e'; };
   std::map<int, std::string> way;
-  simulate_traffic(build_site(scene), [&](const auto& states) {
+  for (const auto& states : simulate_traffic(build_site(scene)).rows)
     for (const ObjectState& s : states) {
       std::string& arms = way.try_emplace(s.id, 2, arm(s.box)).first->second;
       if (std::hypot(s.box.x, s.box.y) > 30) arms[1] = arm(s.box);
     }
-  });
   std::map<std::string, int> out;
   for (const auto& [id, arms] : way) ++out[arms];
   return out;
@@ -499,10 +498,9 @@ TEST(roundabout, every_way_is_driven_around_the_island_and_no_two_vehicles_are_i
         for (const char* way : {"we", "ew", "ws", "es", "sw", "se"})
           EXPECT_GE(count[way], 3) << way;
         double nearest = kInf;
-        simulate_traffic(build_site(scene), [&](const auto& states) {
+        for (const auto& states : simulate_traffic(build_site(scene)).rows)
           for (const ObjectState& s : states)
             nearest = std::min(nearest, std::hypot(s.box.x, s.box.y) - s.box.dy / 2);
-        });
         EXPECT_GT(nearest, radius - 3);
       }
 }
@@ -510,7 +508,7 @@ TEST(roundabout, every_way_is_driven_around_the_island_and_no_two_vehicles_are_i
 TEST(roundabout, is_driven_counter_clockwise_by_long_vehicles_too) {
   const SceneConfig scene = roundabout(15, 90, false);
   std::set<std::string> classes;
-  simulate_traffic(build_site(scene), [&](const auto& states) {
+  for (const auto& states : simulate_traffic(build_site(scene)).rows)
     for (const ObjectState& s : states) {
       const double away = std::hypot(s.box.x, s.box.y);
       if (std::abs(away - 15) > 1) continue;
@@ -518,7 +516,6 @@ TEST(roundabout, is_driven_counter_clockwise_by_long_vehicles_too) {
       const double tangent = std::atan2(s.box.y, s.box.x) + kPi / 2;
       EXPECT_LT(std::abs(deg(wrap_angle(s.box.heading - tangent))), 45);
     }
-  });
   EXPECT_EQ(classes, (std::set<std::string>{"Car", "Truck", "Bus"}));
 }
 

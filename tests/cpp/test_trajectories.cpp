@@ -14,7 +14,6 @@
 #include "infrasim/scene/lazy_trajectories.h"
 #include "infrasim/scene/site_rules.h"
 #include "infrasim/scene/state_source.h"
-#include "infrasim/scene/traffic.h"
 #include "infrasim/scene/trajectories.h"
 #include "infrasim/scene/trajectory_text.h"
 #include "small_scenes.h"
@@ -26,6 +25,7 @@ using testing::car_on_road;
 using testing::empty_road;
 using testing::error_of;
 using testing::expect_message;
+using testing::simulate_traffic;
 using testing::TestFolder;
 
 const std::string kHeader = "t,id,class,x,y,z,heading,dx,dy,dz,speed\n";
@@ -325,7 +325,7 @@ TEST(trajectories, in_a_frame_are_the_vehicles_that_are_there_at_both_of_its_end
   Trajectories t;
   t.rows = {{car_on_road(1, 0, 0, 0, 8), car_on_road(2, 9, 0, 0), car_on_road(4, 30, 0, 0)},
             {car_on_road(1, 1, 0, 0, 12), car_on_road(3, 20, 0, 0), car_on_road(4, 31, 0, 0)}};
-  const auto objects = t.in_step(0);
+  const auto objects = t.between(0, 1);
   ASSERT_EQ(objects.size(), 2U);
   EXPECT_EQ(objects[0].id, 1);
   EXPECT_EQ(objects[0].to.x, 1);
@@ -356,15 +356,15 @@ bool equal(const std::vector<MovingObject>& a, const std::vector<MovingObject>& 
 }
 
 bool same_in_frame(const Trajectories& a, const Trajectories& b, int k) {
-  return equal(a.in_step(k), b.in_step(k));
+  return equal(a.between(k, k + 1), b.between(k, k + 1));
 }
 
 TEST(kept_trajectories, are_whole_while_they_are_few) {
   std::vector<bool> asked(11);
   asked[3] = asked[4] = true;
   EXPECT_EQ(trajectories_csv(kept(three_cars(), asked, 33)), trajectories_csv(three_cars()));
-  EXPECT_TRUE(kept(three_cars(), asked, 33).whole());
-  EXPECT_TRUE(kept(three_cars(), std::vector<bool>(11, true), 0).whole());
+  EXPECT_TRUE(kept(three_cars(), asked, 33).kept.empty());
+  EXPECT_TRUE(kept(three_cars(), std::vector<bool>(11, true), 0).kept.empty());
 }
 
 TEST(kept_trajectories, that_are_many_are_those_of_the_frames_asked_for) {
@@ -374,9 +374,9 @@ TEST(kept_trajectories, that_are_many_are_those_of_the_frames_asked_for) {
     asked[3] = asked[4] = asked[9] = asked[10] = true;
     const Trajectories some = kept(all, asked, most);
     EXPECT_EQ(some.steps(), 10);
-    EXPECT_FALSE(some.whole());
+    EXPECT_FALSE(some.kept.empty());
     for (const int k : {3, 9}) EXPECT_TRUE(same_in_frame(some, all, k));
-    for (const int k : {0, 2, 4, 8}) EXPECT_THROW(some.in_step(k), std::logic_error) << k;
+    for (const int k : {0, 2, 4, 8}) EXPECT_THROW(some.between(k, k + 1), std::logic_error) << k;
     for (const std::size_t k : {0U, 5U, 8U}) EXPECT_EQ(some.rows[k].capacity(), 0U) << k;
   }
 }
@@ -385,7 +385,7 @@ TEST(kept_trajectories, end_where_nobody_asks_for_more) {
   const Trajectories some = kept(three_cars(), std::vector<bool>(11), 33, 5);
   EXPECT_EQ(some.steps(), 10);
   EXPECT_TRUE(same_in_frame(some, three_cars(), 3));
-  EXPECT_THROW(some.in_step(4), std::logic_error);
+  EXPECT_THROW(some.between(4, 5), std::logic_error);
 }
 
 TEST(kept_trajectories, of_some_frames_give_the_frames_of_all) {
@@ -404,7 +404,7 @@ TEST(kept_trajectories, of_some_frames_give_the_frames_of_all) {
       for (const int k : asked)
         EXPECT_TRUE(equal(some[m].objects_in_frame(k, kUsualPeriod_s),
                           all[m].objects_in_frame(k, kUsualPeriod_s)));
-      EXPECT_EQ(some[m].trajectories->whole(), last == 3);
+      EXPECT_EQ(some[m].trajectories->kept.empty(), last == 3);
     }
   }
 }
@@ -478,7 +478,8 @@ TEST(lazy_trajectories, that_are_many_keep_rows_that_were_requested) {
   for (const int k : frames) lazy.between(k, k + 1);
   ASSERT_EQ(lazy.simulated(), 601);
   ASSERT_LT(lazy.kept(), 601U);
-  for (const int k : frames) EXPECT_TRUE(equal(lazy.between(k, k + 1), all->in_step(k))) << k;
+  for (const int k : frames)
+    EXPECT_TRUE(equal(lazy.between(k, k + 1), all->between(k, k + 1))) << k;
   EXPECT_LT(lazy.kept(), 601U);  // rows are still dropped: no simulation began again
 }
 
@@ -493,7 +494,7 @@ TEST(lazy_trajectories, are_the_same_to_several_threads) {
     for (int i = 0; i < 4; ++i)
       threads.emplace_back([&] {
         for (int k = next++; k < 200; k = next++)
-          same += equal(lazy.between(k, k + 1), all->in_step(k));
+          same += equal(lazy.between(k, k + 1), all->between(k, k + 1));
       });
   }
   EXPECT_EQ(same, 200);

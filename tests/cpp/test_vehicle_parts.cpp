@@ -284,7 +284,7 @@ std::map<Class, int> below_parked(const World& world, const LidarConfig& lidar,
                                   const StaticLayers& layers) {
   FrameSimulator simulator(world, std::array{lidar}, layers);
   const Frame frame = std::move(simulator.simulate(0, {true}).front());
-  const Box3d box = world.level.to_level(world.trajectories->in_step(0).front().from);
+  const Box3d box = world.level.to_level(world.trajectories->between(0, 1).front().from);
   Box3d foot = box;
   foot.z -= box.dz / 2;
   foot.dz = 0.2;

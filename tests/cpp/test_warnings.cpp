@@ -15,11 +15,8 @@ namespace infrasim {
 namespace {
 
 using testing::car_on_road;
+using testing::expect_within;
 using testing::straight_on;
-
-void expect_within(const std::string& message, const std::string& what) {
-  EXPECT_NE(message.find(what), std::string::npos) << message << "\n  must say " << what;
-}
 
 /// Makes the text of a .ply file of rectangles, whose coordinates are multiplied by `scale`.
 class Mesh {

@@ -19,7 +19,7 @@ void read(const std::string& text) {
   Trajectories trajectories;
   if (!fuzz::is_done([&] { trajectories = read_trajectories(file); })) return;
   for (int k = 0; k < std::min(trajectories.steps(), 100); ++k)
-    for (const MovingObject& o : trajectories.in_step(k))
+    for (const MovingObject& o : trajectories.between(k, k + 1))
       fuzz::require(std::abs(o.at(0.5).x) <= 1e7);
   const std::string written = trajectories_csv(trajectories);
   fuzz::require(trajectories_csv(read_trajectories(folder.write("again.csv", written))) == written);

@@ -579,7 +579,8 @@ def test_vehicle_that_comes_again_after_a_gap(site: Site) -> None:
      "0:21", "0:99999999999", "0:68719476736", "0:2\n"],
 )  # fmt: skip
 def test_wrong_frames(frames: str, site: Site) -> None:
-    assert_one_line(site.run(frames=frames), site, "--frames: expected A:B", "B <= 20", ", got ")
+    words = ("--frames: expected A:B", "B <= 20 (duration_s is 2 s)", ", got ")
+    assert_one_line(site.run(frames=frames), site, *words)
 
 
 def test_step_of_frames_beyond_the_scene(site: Site) -> None:
@@ -613,6 +614,7 @@ def test_pattern_larger_than_memory(site: Site) -> None:
         ("traffic..warm_up_s=3", ["KEY=VALUE"]),
         ("traffic.warm_up_s.=3", ["KEY=VALUE"]),
         ("nonsense.deep=3", ["nonsense: ", "unknown key"]),
+        ("mounts.pole.z_m=8,5", ["z_m: ", "'8,5'; numbers have a decimal point"]),
     ],
 )
 def test_wrong_assignment(assignment: str, words: list[str], site: Site) -> None:
@@ -787,6 +789,41 @@ def test_directory_for_a_table(kind: str, site: Site) -> None:
     assert_one_line(site.run(), site, str(file), "can't be read", codes=(1, 2))
 
 
+NO_ROADS = SCENE[: SCENE.index("roads:")]
+# The file that names a file that is not there, its text, and the key.
+MISSING_FILES = {
+    "lanes": ("scene", NO_ROADS + "lanes: no.csv\ntrajectories: no.csv\n", "lanes"),
+    "trajectories": ("scene", SCENE[: SCENE.index("traffic:")] + "trajectories: no.csv\n",
+        "trajectories"),
+    "mesh": ("scene", SCENE + "meshes:\n  - {file: no.ply, material: road}\n", "meshes.0.file"),
+    "static layer": ("scene", SCENE + "static_layers: {tiny: no.layer}\n", "static_layers.tiny"),
+    "channels": ("lidar", LIDAR.replace("{count: 4, upper_deg: 0, lower_deg: -20}",
+        "{file: no.csv}"), "pattern.spinning.channels.file"),
+    "directions": ("lidar", LIDAR.replace(LIDAR.splitlines()[4],
+        "  table: {file: no.npy, rays_per_s: 1000}"), "pattern.table.file"),
+    "bundle": ("lidar", "name: two\nbundle:\n  - {lidar: no.yaml}\n", "bundle.0.lidar"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", MISSING_FILES)
+def test_a_missing_file_is_named_with_its_key(case: str, site: Site) -> None:
+    kind, text, key = MISSING_FILES[case]
+    file = site.scene if kind == "scene" else site.lidar
+    file.write_text(text)
+    line = text[: text.index("no.")].count("\n") + 1
+    result = site.run()
+    reason = "not there" if case == "trajectories" else "No such file or directory"
+    words = (f"{file}:{line}:", f": {key}: {site.folder / 'no.'}", f": can't be read: {reason}")
+    assert_one_line(result, site, *words, codes=(1,))
+
+
+def test_a_file_for_the_folder_of_a_run(site: Site) -> None:
+    words = ["run", site.scene, "--lidar", site.lidar, "--frames", "0:2", "--out"]
+    for out in (site.scene, f"{site.scene}/"):
+        result = site.infrasim(*words, out)
+        assert_one_line(result, site, f"{site.scene}: expected a folder, got a file", codes=(1,))
+
+
 def test_lidar_for_a_scene_and_scene_for_a_lidar(site: Site) -> None:
     site.scene.write_text(LIDAR)
     site.lidar.write_text(SCENE)
@@ -848,7 +885,19 @@ def test_unknown_name_lists_the_catalogue(site: Site) -> None:
     )
     assert "livox" not in result.stderr
     result = site.infrasim("check", "motorway")
-    assert_one_line(result, site, "got 'motorway'", "livox_avia", "highway", "a path")
+    assert_one_line(result, site, "got 'motorway'", "a path", "a LiDAR (", "livox_avia, ")
+    assert "a scene (crest, crossroad, crossroad_poles, curve, flat, highway" in result.stderr
+
+
+def test_a_word_that_is_nearly_a_path_is_answered_with_the_path(site: Site) -> None:
+    here = {"cwd": site.folder}
+    result = site.infrasim("check", "lidar", **here)
+    assert_one_line(result, site, "got 'lidar'; did you mean 'lidar.yaml'?")
+    (site.folder / "town").mkdir()
+    assert_one_line(site.infrasim("check", "town", **here), site, "got the folder 'town'\n")
+    site.scene.rename(site.folder / "town/scene.yaml")
+    result = site.infrasim("check", "town", **here)
+    assert_one_line(result, site, "got the folder 'town'; did you mean 'town/scene.yaml'?")
 
 
 def test_a_file_is_named_with_a_slash_or_an_ending(site: Site) -> None:

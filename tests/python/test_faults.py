@@ -256,13 +256,15 @@ def test_file_where_a_folder_should_be(
 ) -> None:
     file = tmp_path / "file"
     file.write_text("mine")
-    assert_one_line(infrasim(*run_command(out=file)), str(file), "can't be")
+    not_a_folder = "expected a folder, got a file"
+    assert_one_line(infrasim(*run_command(out=file)), f"{file}: {not_a_folder}")
     assert_one_line(infrasim(*run_command(out=file / "below")), str(file), "can't be")
     assert file.read_text() == "mine"
     out = tmp_path / "out"
     out.mkdir()
     (out / "helios_16").write_text("mine")
-    assert_one_line(infrasim(*run_command(out=out)), str(out / "helios_16"), "can't be")
+    result = infrasim(*run_command(out=out))
+    assert_one_line(result, f"{out / 'helios_16'}: {not_a_folder}")
 
 
 @pytest.mark.parametrize("command", ["run", "pattern", "trajectories"])
@@ -315,7 +317,9 @@ def test_folder_of_another_configuration(
 ) -> None:
     before = digests(finished)
     result = infrasim(*run_command(frames="0:4", out=finished), *options)
-    assert_one_line(result, f"{finished}/dataset.yaml:", "another run", *differs)
+    assert_one_line(
+        result, f"{finished}/dataset.yaml:", "another run", *differs, "; use another folder"
+    )
     assert digests(finished) == before
 
 

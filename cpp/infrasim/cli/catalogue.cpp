@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
-#include <numeric>
 #include <utility>
 
 #include "infrasim/config/lidar_changes.h"
 #include "infrasim/core/errors.h"
+#include "infrasim/core/hints.h"
 
 namespace infrasim::cli {
 
@@ -37,27 +37,13 @@ std::vector<std::string> names(const fs::path& folder) {
   return names;
 }
 
-/// Edit distance of two words: the number of letters to change, insert or remove.
-std::size_t edits(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), 0U);
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    std::size_t diagonal = std::exchange(row[0], i + 1);
-    for (std::size_t j = 0; j < b.size(); ++j) {
-      const std::size_t changed = diagonal + (a[i] == b[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({changed, row[j] + 1, row[j + 1] + 1});
-    }
-  }
-  return row.back();
-}
-
-/// Returns a text such as `; did you mean 'highway'?`, or an empty text if no name is similar.
-std::string suggestion(const std::string& word, const std::vector<std::string>& known) {
-  const auto nearest = std::ranges::min_element(
-      known, {}, [&](const std::string& name) { return edits(name, word); });
-  if (nearest == known.end() || edits(*nearest, word) > word.size() / 3) return "";
-  return "; did you mean '" + *nearest + "'?";
+/// Returns the path of an existing file that was probably meant by a word without an ending.
+/// Returns an empty text if there is none.
+std::string file_like(const std::string& word) {
+  std::error_code error;
+  for (const char* rest : {".yaml", "/scene.yaml"})
+    if (fs::is_regular_file(word + rest, error)) return word + rest;
+  return "";
 }
 
 }  // namespace
@@ -66,15 +52,20 @@ fs::path config_file(const std::string& word, const std::vector<std::string>& ki
   if (word.find_first_of("/.") != std::string::npos) return word;
   const fs::path folder = catalogue();
   std::vector<std::string> known;
-  for (const std::string& kind : kinds)
-    for (const std::string& name : names(folder / kind)) {
+  std::string expected = "a path with a '/' or '.'";
+  for (const std::string& kind : kinds) {
+    const std::vector<std::string> of_kind = names(folder / kind);
+    for (const std::string& name : of_kind)
       if (name == word) return folder / kind / (name + ".yaml");
-      known.push_back(name);
-    }
-  std::string listed;
-  for (const std::string& name : known) listed += ", " + name;
-  throw ConfigError("(name): expected a path with a '/' or '.'" + listed + ", got '" + word + "'" +
-                    suggestion(word, known));
+    known.insert(known.end(), of_kind.begin(), of_kind.end());
+    if (!of_kind.empty())
+      expected += (kind == "lidars" ? ", a LiDAR (" : ", a scene (") + listed(of_kind) + ")";
+  }
+  std::error_code error;
+  const std::string given = (fs::is_directory(word, error) ? "the folder '" : "'") + word + "'";
+  const std::string file = file_like(word);
+  throw ConfigError("(name): expected " + expected + ", got " + given +
+                    (file.empty() ? suggestion(word, known) : "; did you mean '" + file + "'?"));
 }
 
 LidarConfig with_changes(LidarConfig lidar, const LidarChanges& changes) {

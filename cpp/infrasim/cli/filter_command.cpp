@@ -5,8 +5,8 @@
 #include <memory>
 #include <span>
 
+#include "infrasim/cli/arguments.h"
 #include "infrasim/cli/commands.h"
-#include "infrasim/cli/output_file.h"
 #include "infrasim/config/filter_declarations.h"
 #include "infrasim/core/errors.h"
 #include "infrasim/core/files.h"

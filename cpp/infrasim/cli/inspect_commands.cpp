@@ -36,13 +36,11 @@ namespace {
 struct CheckOptions {
   std::string file;
   std::optional<std::string> preset;
-  std::optional<double> law_exponent;
-  std::optional<std::string> echo;
+  LidarChanges changes;
   std::vector<std::string> assignments;
   bool traffic = false;
   bool canonical = false;
   std::vector<std::string> lidars;
-  std::optional<double> rate_hz;
 };
 
 /// maximum relative error of the detection law at a published range
@@ -165,8 +163,7 @@ std::vector<std::string> views_of_mounts(const SceneConfig& scene, const CheckOp
     lines.push_back("mount " + name + ": " + whole(height) + " m above the road, looks to " +
                     compass(bearing(0)) + ", y is north");
     for (const std::string& word : o.lidars) {
-      const LidarConfig lidar =
-          lidar_of(word, o.preset.value_or("datasheet"), {o.rate_hz, o.law_exponent, o.echo});
+      const LidarConfig lidar = lidar_of(word, o.preset.value_or("datasheet"), o.changes);
       const std::vector<FieldOfView> views = fields_of_view(lidar);
       for (std::size_t i = 0; i < views.size(); ++i) {
         const FieldOfView& view = views[i];
@@ -197,9 +194,7 @@ std::string canonical_of(const std::filesystem::path& file, const config::Tree& 
     return lidar_identity(read_file(file), file.string());
   if (tree.find("version") != nullptr) return data_set_identity(read_file(file), file.string());
   const std::string preset = o.preset.value_or("datasheet");
-  if (lidar)
-    return canonical_lidar(
-        with_changes(read_lidar(file, preset), {o.rate_hz, o.law_exponent, o.echo}));
+  if (lidar) return canonical_lidar(with_changes(read_lidar(file, preset), o.changes));
   return canonical_scene(read_scene(file, o.assignments, preset)) +
          "frames_version: " + std::to_string(kFramesVersion) + "\n";
 }
@@ -218,13 +213,12 @@ void check_command(const CheckOptions& o) {
     if (!o.assignments.empty()) throw ConfigError("--set: expected a scene, got a LiDAR file");
     if (o.traffic) throw ConfigError("--traffic: expected a scene, got a LiDAR file");
     if (!o.lidars.empty()) throw ConfigError("--lidar: expected a scene, got a LiDAR file");
-    std::fputs(
-        dump_lidar(checked_lidar(file, o.preset, {o.rate_hz, o.law_exponent, o.echo})).c_str(),
-        stdout);
+    std::fputs(dump_lidar(checked_lidar(file, o.preset, o.changes)).c_str(), stdout);
     return;
   }
-  if (o.law_exponent) throw ConfigError("--law-exponent: expected a LiDAR, got a scene file");
-  if (o.echo) throw ConfigError("--echo: expected a LiDAR, got a scene file");
+  if (o.changes.law_exponent)
+    throw ConfigError("--law-exponent: expected a LiDAR, got a scene file");
+  if (o.changes.echo) throw ConfigError("--echo: expected a LiDAR, got a scene file");
   std::set<std::string> findings;
   const SceneConfig scene = checked_scene(file, o, findings);
   for (const std::string& line : findings)
@@ -248,11 +242,11 @@ void add_check_command(CLI::App& app) {
       "--preset", o->preset,
       "preset of the file; default: all presets are checked, and datasheet is printed");
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of a scene");
-  command->add_option("--law-exponent", o->law_exponent, kLawExponentHelp);
-  command->add_option("--echo", o->echo, kEchoHelp);
+  command->add_option("--law-exponent", o->changes.law_exponent, kLawExponentHelp);
+  command->add_option("--echo", o->changes.echo, kEchoHelp);
   command->add_option("--lidar", o->lidars,
                       "LiDARs: files or names; print what they see of the ground from the mounts");
-  command->add_option("--rate-hz", o->rate_hz, kRateHelp);
+  command->add_option("--rate-hz", o->changes.rate_hz, kRateHelp);
   command->add_flag("--canonical", o->canonical,
                     "print the keys under the names of version 0.3, and the version of the frames, "
                     "which identify results; check nothing else");

@@ -6,14 +6,15 @@
 #include <cstdio>
 #include <memory>
 #include <optional>
+#include <ranges>
 #include <thread>
 #include <utility>
 
+#include "infrasim/cli/arguments.h"
 #include "infrasim/cli/catalogue.h"
 #include "infrasim/cli/commands.h"
-#include "infrasim/cli/frame_range.h"
-#include "infrasim/cli/output_file.h"
 #include "infrasim/cli/signals.h"
+#include "infrasim/config/fields.h"
 #include "infrasim/config/lidar_checks.h"
 #include "infrasim/core/errors.h"
 #include "infrasim/core/files.h"
@@ -31,10 +32,8 @@ struct RunOptions {
   std::string scene;
   std::vector<std::string> lidars;
   std::string preset = "datasheet";
-  std::optional<double> rate_hz;
+  LidarChanges changes;
   std::string frames = "0:100";
-  std::optional<double> law_exponent;
-  std::optional<std::string> echo;
   std::optional<std::string> out, summary, aggregation, detail, labels, label_time, seed;
   std::vector<std::string> assignments;
   std::vector<std::string> mounts;
@@ -70,17 +69,15 @@ std::string path_of(const char* option, const std::optional<std::string>& value)
 /// @throws ConfigError if a name is unknown or given twice
 void keep_mounts(SceneConfig& scene, std::vector<std::string> names) {
   NamedMap<MountConfig> kept;
-  std::string known;
   for (const auto& [name, mount] : scene.mounts) {
-    known += (known.empty() ? "" : ", ") + name;
     const auto position = std::ranges::find(names, name);
     if (position == names.end()) continue;
     names.erase(position);
     kept[name] = mount;
   }
   if (!names.empty())
-    throw ConfigError("--mount: expected some of " + known + ", each once, got '" + names.front() +
-                      "'");
+    throw ConfigError("--mount: expected some of " + listed(std::views::keys(scene.mounts)) +
+                      ", each once, got '" + names.front() + "'");
   scene.mounts = std::move(kept);
 }
 
@@ -88,10 +85,11 @@ RunRequest request_of(const RunOptions& o) {
   RunRequest request;
   request.scene = read_scene(config_file(o.scene, {"scenes"}), assignments(o), o.preset);
   for (const std::string& word : o.lidars)
-    request.lidars.push_back(lidar_of(word, o.preset, {o.rate_hz, o.law_exponent, o.echo}));
+    request.lidars.push_back(lidar_of(word, o.preset, o.changes));
   request.preset = o.preset;
-  request.frames =
-      parse_frames(o.frames, frame_count(request.scene.duration_s, period_s(request.lidars)));
+  const double duration_s = request.scene.duration_s;
+  request.frames = parse_frames(o.frames, frame_count(duration_s, period_s(request.lidars)),
+                                "duration_s is " + config::number_text(duration_s) + " s");
   request.out = path_of("--out", o.out);
   if (o.mounts.size() == 1) request.mount = o.mounts.front();
   if (o.mounts.size() > 1) keep_mounts(request.scene, o.mounts);
@@ -171,7 +169,7 @@ void add_run_command(CLI::App& app, CommandResult& result) {
       ->add_option("--preset", o->preset,
                    "preset of the LiDARs, and of the scene if the scene has it")
       ->capture_default_str();
-  command->add_option("--rate-hz", o->rate_hz, kRateHelp);
+  command->add_option("--rate-hz", o->changes.rate_hz, kRateHelp);
   command->add_option("--frames", o->frames, "frame numbers from A to B without B: A:B[:STEP]")
       ->capture_default_str();
   command->add_option("--out", o->out, "folder of the data set; default: nothing is written");
@@ -202,8 +200,8 @@ void add_run_command(CLI::App& app, CommandResult& result) {
   command->add_flag("--cast-all", o->cast_all,
                     "cast the static scene in every frame too; slower, with the same frames");
   command->add_option("--set", o->assignments, "KEY=VALUE: overrides a key of the scene");
-  command->add_option("--law-exponent", o->law_exponent, kLawExponentHelp);
-  command->add_option("--echo", o->echo, kEchoHelp);
+  command->add_option("--law-exponent", o->changes.law_exponent, kLawExponentHelp);
+  command->add_option("--echo", o->changes.echo, kEchoHelp);
   command->callback([o, &result] { result.exit_code = run_command(*o); });
 }
 

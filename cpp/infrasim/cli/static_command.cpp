@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "infrasim/cli/arguments.h"
 #include "infrasim/cli/catalogue.h"
 #include "infrasim/cli/commands.h"
-#include "infrasim/cli/output_file.h"
 #include "infrasim/config/fields.h"
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/config/scene_config.h"

@@ -5,10 +5,9 @@
 #include <memory>
 #include <optional>
 
+#include "infrasim/cli/arguments.h"
 #include "infrasim/cli/catalogue.h"
 #include "infrasim/cli/commands.h"
-#include "infrasim/cli/frame_range.h"
-#include "infrasim/cli/output_file.h"
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/config/scene_config.h"
 #include "infrasim/core/files.h"

@@ -4,17 +4,12 @@
 #include <cctype>
 #include <numeric>
 
+#include "infrasim/core/hints.h"
 #include "infrasim/core/numbers.h"
 
 namespace infrasim::config {
 
 namespace {
-
-std::string join(std::span<const char* const> names) {
-  std::string text;
-  for (const char* name : names) text += (text.empty() ? "" : ", ") + std::string(name);
-  return text;
-}
 
 std::string value_text(const Tree& tree) {
   switch (tree.kind) {
@@ -54,6 +49,20 @@ bool parse_double(const std::string& text, double& value) {
   return std::isfinite(value);
 }
 
+/// Returns the current name of a key that is given by its canonical name, which is that of version
+/// 0.3; no value for any other key.
+std::optional<std::string> current_name(const std::string& key, const std::string& path,
+                                        const CanonicalKeys& canonical) {
+  for (const RenamedKey& renamed : canonical.renamed) {
+    if (key != renamed.canonical) continue;
+    const std::string_view now = renamed.path.substr(renamed.path.rfind('.') + 1);
+    std::string current = path;
+    current.append(".").append(now);
+    if (ends_as(current, renamed.path)) return std::string(now);
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 std::string number_text(double value) {
@@ -89,10 +98,6 @@ std::optional<Tree> take_presets(Tree& tree) {
   return presets;
 }
 
-FieldReader::FieldReader(const Tree& map, std::string path) : map_(map), path_(std::move(path)) {
-  expect_map(map, path_.empty() ? "(document)" : path_);
-}
-
 const Tree* FieldReader::take(const char* key, const Rule& rule) {
   taken_.emplace_back(key);
   const Tree* tree = map_.find(key);
@@ -101,12 +106,17 @@ const Tree* FieldReader::take(const char* key, const Rule& rule) {
 }
 
 void FieldReader::finish() const {
+  if (map_.kind != Tree::Kind::kMap) {
+    constexpr std::size_t kMostKeys = 10;  // a longer list is no help
+    const std::string keys = taken_.size() > kMostKeys ? "" : " with the keys " + listed(taken_);
+    fail(map_.place, path_.empty() ? "(document)" : path_, expected("a map" + keys, map_));
+  }
+  refuse_commas(map_, path_);
   for (std::size_t i = 0; i < map_.keys.size(); ++i) {
-    if (std::ranges::find(taken_, map_.keys[i]) != taken_.end()) continue;
-    std::vector<const char*> names;
-    for (const std::string& name : taken_) names.push_back(name.c_str());
-    fail(map_.items[i].place, full(map_.keys[i].c_str()),
-         "expected " + join(names) + ", got an unknown key");
+    const std::string& key = map_.keys[i];
+    if (std::ranges::find(taken_, key) != taken_.end()) continue;
+    fail(map_.items[i].place, full(key.c_str()),
+         "expected " + listed(taken_) + ", got an unknown key" + suggestion(key, taken_));
   }
   if (!failed_check_) return;
   const auto& [key, what] = *failed_check_;
@@ -119,7 +129,7 @@ void FieldReader::check(bool holds, const char* key, const std::string& what) {
 }
 
 void FieldReader::expect(const Tree& tree, Tree::Kind kind, const std::string& key,
-                         const char* what) {
+                         const std::string& what) {
   if (tree.kind != kind) fail(tree.place, key, expected(what, tree));
 }
 
@@ -127,10 +137,20 @@ void FieldReader::expect_items(const Tree& tree, const std::string& key, const R
   if (tree.items.size() < rule.min_items) fail(tree.place, key, "expected entries, got none");
 }
 
+/// Refuses {a: 3,5}, which YAML reads as the value 3 of a, and the key 5 without a value.
+void FieldReader::refuse_commas(const Tree& map, const std::string& path) {
+  for (std::size_t i = 0; i < map.keys.size(); ++i) {
+    const std::string hint = comma_hint("0," + map.keys[i]);
+    if (map.items[i].kind == Tree::Kind::kNull && !hint.empty())
+      fail(map.items[i].place, path.empty() ? map.keys[i] : path + "." + map.keys[i],
+           "expected a key with a value, got a number" + hint);
+  }
+}
+
 void FieldReader::read(const Tree& tree, const std::string& key, double& value, const Rule& rule) {
   double number = 0;
   if (tree.kind != Tree::Kind::kScalar || !parse_double(tree.scalar, number))
-    fail(tree.place, key, expected("a number", tree));
+    fail(tree.place, key, expected("a number", tree) + comma_hint(tree.scalar));
   if (number < rule.min || number > rule.max || (rule.above_min && number == rule.min))
     fail(tree.place, key, expected(allowed(rule), tree));
   if (rule.above_min && number < rule.min + kLeastAbove)
@@ -202,7 +222,7 @@ std::size_t FieldReader::read_name(const Tree& tree, const std::string& key,
                                    std::span<const char* const> names) {
   for (std::size_t i = 0; i < names.size(); ++i)
     if (tree.kind == Tree::Kind::kScalar && tree.scalar == names[i]) return i;
-  fail(tree.place, key, expected(join(names), tree));
+  fail(tree.place, key, expected(listed(names), tree));
 }
 
 bool ends_as(std::string_view path, std::string_view pattern) {
@@ -222,24 +242,6 @@ bool ends_as(std::string_view path, std::string_view pattern) {
   }
   return true;
 }
-
-namespace {
-
-/// Returns the current name of a key that is given by its canonical name, which is that of version
-/// 0.3; no value for any other key.
-std::optional<std::string> current_name(const std::string& key, const std::string& path,
-                                        const CanonicalKeys& canonical) {
-  for (const RenamedKey& renamed : canonical.renamed) {
-    if (key != renamed.canonical) continue;
-    const std::string_view now = renamed.path.substr(renamed.path.rfind('.') + 1);
-    std::string current = path;
-    current.append(".").append(now);
-    if (ends_as(current, renamed.path)) return std::string(now);
-  }
-  return std::nullopt;
-}
-
-}  // namespace
 
 void check_current_names(const Tree& tree, const CanonicalKeys& canonical,
                          const std::string& path) {

@@ -3,18 +3,17 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <map>
 #include <optional>
 #include <span>
 #include <string>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "infrasim/config/canonical_keys.h"
 #include "infrasim/config/tree.h"
 #include "infrasim/core/fraction.h"
 #include "infrasim/core/geometry.h"
-#include "infrasim/core/named_map.h"
 
 // Each configuration struct has one function `visit(fields, struct)` that names its keys. A
 // FieldReader fills the struct from a Tree. A FieldWriter prints the struct as YAML, including keys
@@ -29,7 +28,8 @@ struct Rule {
   double max = 1e9;
   bool above_min = false;  ///< whether the minimum itself is forbidden
   bool required = false;
-  std::size_t min_items = 0;  ///< minimum number of items of a list or map
+  std::size_t min_items = 0;   ///< minimum number of items of a list or map
+  const char* keys = nullptr;  ///< the keys of a map by name, for messages
 };
 inline Rule between(double min, double max) { return {min, max}; }
 inline Rule positive(double max = 1e9) { return {0, max, true}; }
@@ -54,14 +54,20 @@ void expect_map(const Tree& tree, const std::string& key);
 /// @throws ConfigError if `presets` is not a map
 std::optional<Tree> take_presets(Tree& tree);
 
+/// A std::map or a NamedMap, with names as keys.
 template <class T>
-concept Struct = std::is_class_v<T> && !std::is_same_v<T, std::string> &&
+concept Map = requires { typename T::mapped_type; };
+
+template <class T>
+concept Struct = std::is_class_v<T> && !Map<T> && !std::is_same_v<T, std::string> &&
                  !std::is_same_v<T, Vec2> && !std::is_same_v<T, Fraction>;
 
 class FieldReader {
  public:
-  FieldReader(const Tree& map, std::string path);
-  /// @throws ConfigError for an unknown key; if all keys are known, for the first failed check
+  FieldReader(const Tree& map, std::string path) : map_(map), path_(std::move(path)) {}
+  /// @throws ConfigError if the tree is no map or has an unknown key; if all keys are known, for
+  /// the
+  ///   first failed check
   void finish() const;
 
   template <class T>
@@ -71,6 +77,11 @@ class FieldReader {
   /// Stores the position of the struct in the file, for messages of checks that need other parts of
   /// the scene.
   void here(Place& place) const { place = map_.place; }
+  /// Stores the position and the path of a key that names a file, for messages about the file.
+  void here(KeyPlace& at, const char* key) const {
+    const Tree* value = map_.find(key);
+    at = {value == nullptr ? map_.place : value->place, full(key)};
+  }
   /// Makes `finish` fail at the key's position if the condition does not hold. `finish` reports an
   /// unknown key before a missing required key, because the unknown key is often a misspelling of
   /// the missing one.
@@ -89,8 +100,10 @@ class FieldReader {
   static void read(const Tree& tree, const std::string& key, Fraction& value, const Rule& rule);
   static std::size_t read_name(const Tree& tree, const std::string& key,
                                std::span<const char* const> names);
-  static void expect(const Tree& tree, Tree::Kind kind, const std::string& key, const char* what);
+  static void expect(const Tree& tree, Tree::Kind kind, const std::string& key,
+                     const std::string& what);
   static void expect_items(const Tree& tree, const std::string& key, const Rule& rule);
+  static void refuse_commas(const Tree& map, const std::string& path);
 
   template <class E>
     requires std::is_enum_v<E>
@@ -118,19 +131,12 @@ class FieldReader {
     for (std::size_t i = 0; i < tree.items.size(); ++i)
       read(tree.items[i], key + "." + std::to_string(i), value.emplace_back(), rule);
   }
-  template <class T>
-  static void read(const Tree& tree, const std::string& key, std::map<std::string, T>& value,
-                   const Rule& rule) {
-    read_entries(tree, key, value, rule);
-  }
-  template <class T>
-  static void read(const Tree& tree, const std::string& key, NamedMap<T>& value, const Rule& rule) {
-    read_entries(tree, key, value, rule);
-  }
-  template <class Map>
-  static void read_entries(const Tree& tree, const std::string& key, Map& value, const Rule& rule) {
-    expect(tree, Tree::Kind::kMap, key, "a map");
+  template <Map T>
+  static void read(const Tree& tree, const std::string& key, T& value, const Rule& rule) {
+    expect(tree, Tree::Kind::kMap, key,
+           rule.keys == nullptr ? "a map" : std::string("a map with the keys ") + rule.keys);
     expect_items(tree, key, rule);
+    refuse_commas(tree, key);
     value.clear();
     for (std::size_t i = 0; i < tree.items.size(); ++i)
       read(tree.items[i], key + "." + tree.keys[i], value[tree.keys[i]], rule);
@@ -158,6 +164,7 @@ class FieldWriter {
     if (value) entry(key, *value, &FieldWriter::canonical_name);
   }
   void here(const Place&) const {}
+  void here(const KeyPlace&, const char*) const {}
   void check(bool, const char*, const std::string&) const {}
 
   std::string text() const { return text_.starts_with('\n') ? text_.substr(1) : text_; }
@@ -211,16 +218,8 @@ class FieldWriter {
       }
     }
   }
-  template <class T>
-  void write(std::map<std::string, T>& map) {
-    write_entries(map);
-  }
-  template <class T>
-  void write(NamedMap<T>& map) {
-    write_entries(map);
-  }
-  template <class Map>
-  void write_entries(Map& map) {
+  template <Map T>
+  void write(T& map) {
     if (map.empty()) text_ += " {}";
     indent_ += 2;
     for (auto& [key, value] : map) entry(key, value, &FieldWriter::quoted_name);

@@ -1,8 +1,6 @@
-#include "infrasim/config/filter_keys.h"
+#include "infrasim/config/scene_keys.h"
 
-#include "infrasim/config/fields.h"
 #include "infrasim/config/filter_declarations.h"
-#include "infrasim/config/key_list.h"
 
 namespace infrasim {
 

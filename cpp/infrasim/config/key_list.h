@@ -1,6 +1,5 @@
 #pragma once
 
-#include <map>
 #include <optional>
 #include <string>
 #include <type_traits>
@@ -23,6 +22,7 @@ class FieldLister {
     inside(value, path);
   }
   void here(const Place&) const {}
+  void here(const KeyPlace&, const char*) const {}
   void check(bool, const char*, const std::string&) const {}
 
   const std::string& text() const { return text_; }
@@ -52,13 +52,9 @@ class FieldLister {
   static std::string type(const std::vector<T>&) {
     return "list of " + type(T{}) + "s";
   }
-  template <class T>
-  static std::string type(const std::map<std::string, T>&) {
-    return type(T{}) + "s by name";
-  }
-  template <class T>
-  static std::string type(const NamedMap<T>&) {
-    return type(T{}) + "s by name";
+  template <Map T>
+  static std::string type(const T&) {
+    return type(typename T::mapped_type{}) + "s by name";
   }
 
   /// Returns the default of a number, a word or a text, as `dump_struct` writes it. Returns an
@@ -77,10 +73,7 @@ class FieldLister {
   template <class T>
   static std::string allowed(const T&, const Rule& rule) {
     if constexpr (std::is_enum_v<T>) {
-      std::string words;
-      for (const char* name : enum_names(T{}))
-        words += (words.empty() ? "" : ", ") + std::string(name);
-      return words;
+      return listed(enum_names(T{}));
     } else if constexpr (std::is_same_v<T, std::uint64_t>) {
       return "from 0";
     } else {
@@ -117,13 +110,9 @@ class FieldLister {
   void inside(const std::vector<T>&, const std::string& path) {
     inside(T{}, path + ".N");
   }
-  template <class T>
-  void inside(const std::map<std::string, T>&, const std::string& path) {
-    inside(T{}, path + ".NAME");
-  }
-  template <class T>
-  void inside(const NamedMap<T>&, const std::string& path) {
-    inside(T{}, path + ".NAME");
+  template <Map T>
+  void inside(const T&, const std::string& path) {
+    inside(typename T::mapped_type{}, path + ".NAME");
   }
 
   std::string path_;

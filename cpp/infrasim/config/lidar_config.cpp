@@ -5,11 +5,8 @@
 #include <cstring>
 #include <numeric>
 
-#include "infrasim/config/fields.h"
-#include "infrasim/config/key_list.h"
+#include "infrasim/config/lidar_keys.h"
 #include "infrasim/config/lidar_tables.h"
-#include "infrasim/config/pattern_keys.h"
-#include "infrasim/config/returns_keys.h"
 #include "infrasim/core/errors.h"
 #include "infrasim/core/rng.h"
 
@@ -36,6 +33,7 @@ struct BundleEntry {
   double pitch_deg = 0;
   std::optional<PatternConfig> pattern;
   std::optional<ReturnsConfig> returns;
+  config::KeyPlace lidar_key = {};
 };
 
 /// The keys of a LiDAR file: either one unit or a bundle.
@@ -51,6 +49,7 @@ struct LidarFile {
 template <class Fields>
 void visit(Fields& f, BundleEntry& c) {
   f.field("lidar", c.lidar, "LiDAR file, relative to this one");
+  f.here(c.lidar_key, "lidar");
   f.field("yaw_deg", c.yaw_deg, "yaw on the mount, positive to the left", between(-360, 360));
   f.field("pitch_deg", c.pitch_deg, "pitch; positive values point the LiDAR down",
           between(-90, 90));
@@ -108,18 +107,17 @@ config::Tree preset_tree(const std::filesystem::path& file, const std::string& p
     return tree;
   }
   const config::Tree* chosen = presets->find(preset);
-  if (chosen == nullptr) {
-    std::string names;
-    for (const std::string& name : presets->keys) names += (names.empty() ? "" : ", ") + name;
+  if (chosen == nullptr)
     config::fail(presets->place, "presets",
-                 "expected " + names + ", got unknown preset '" + preset + "'");
-  }
+                 "expected " + listed(presets->keys) + ", got unknown preset '" + preset + "'");
   config::expect_map(*chosen, "presets." + preset);
   return config::merged(tree, *chosen);
 }
 
 void resolve_channels(const std::filesystem::path& folder, ChannelsConfig& c) {
-  if (!c.file.empty()) c.table = config::read_channels(folder / c.file);
+  if (!c.file.empty())
+    c.table =
+        config::read_named(c.file_key, [&] { return config::read_channels(folder / c.file); });
   if (c.count == 1)
     c.table.push_back({.elevation_deg = c.upper_deg.value_or(c.lower_deg.value_or(0))});
   const double upper = c.upper_deg.value_or(0), lower = c.lower_deg.value_or(0);
@@ -148,7 +146,8 @@ void resolve_rate(const std::filesystem::path& file, TableConfig& c) {
 }
 
 void resolve_table(const std::filesystem::path& file, TableConfig& c) {
-  config::FiringTable table = config::read_firing_table(file.parent_path() / c.file);
+  config::FiringTable table = config::read_named(
+      c.file_key, [&] { return config::read_firing_table(file.parent_path() / c.file); });
   c.directions = std::move(table.directions);
   c.times_s = std::move(table.times_s);
   resolve_rate(file, c);
@@ -221,10 +220,12 @@ void add_price(const PriceConfig& part, PriceConfig& sum) {
 }
 
 /// Returns the unit that a file of a bundle describes, and adds its price to `sum`.
-LidarUnit unit_of_file(const std::filesystem::path& file, const std::string& part,
+LidarUnit unit_of_file(const std::filesystem::path& file, const BundleEntry& entry,
                        const std::string& preset, PriceConfig& sum) {
+  const std::string& part = *entry.lidar;
   const std::filesystem::path part_file = file.parent_path() / part;
-  const auto keys = config::read_struct<LidarFile>(preset_tree(part_file, preset));
+  const auto keys = config::read_struct<LidarFile>(
+      config::read_named(entry.lidar_key, [&] { return preset_tree(part_file, preset); }));
   if (!keys.bundle.empty())
     config::fail({file.string()}, "bundle", "expected single LiDARs, got a bundle in it");
   add_price(*keys.price_usd, sum);
@@ -241,9 +242,8 @@ LidarConfig lidar_of(const std::filesystem::path& file, const LidarFile& keys,
   if (keys.price_usd) out.price_usd = *keys.price_usd;
   if (keys.bundle.empty()) out.units.push_back(unit_of(file, keys));
   for (const BundleEntry& entry : keys.bundle) {
-    LidarUnit& unit =
-        out.units.emplace_back(entry.lidar ? unit_of_file(file, *entry.lidar, preset, out.price_usd)
-                                           : unit_of(file, entry));
+    LidarUnit& unit = out.units.emplace_back(
+        entry.lidar ? unit_of_file(file, entry, preset, out.price_usd) : unit_of(file, entry));
     unit.yaw_deg = entry.yaw_deg;
     unit.pitch_deg = entry.pitch_deg;
     if (period_s(unit.pattern) != period_s(out.units.front().pattern))
@@ -253,6 +253,27 @@ LidarConfig lidar_of(const std::filesystem::path& file, const LidarFile& keys,
                        config::number_text(period_s(unit.pattern)) + " s");
   }
   return out;
+}
+
+LidarFile keys_of(const LidarConfig& lidar) {
+  LidarFile keys{lidar.name, lidar.model, std::nullopt, std::nullopt, std::nullopt, {}};
+  const LidarUnit& first = lidar.units.front();
+  keys.price_usd = lidar.price_usd;
+  if (lidar.units.size() == 1 && first.yaw_deg == 0 && first.pitch_deg == 0) {
+    keys.pattern = first.pattern;
+    keys.returns = first.returns;
+  } else {
+    for (const LidarUnit& u : lidar.units)
+      keys.bundle.push_back({std::nullopt, u.yaw_deg, u.pitch_deg, u.pattern, u.returns});
+  }
+  return keys;
+}
+
+/// Returns the canonical text of a LiDAR's keys. The price of several units is left out, because
+/// files of earlier versions do not have it.
+std::string canonical_of(LidarFile keys) {
+  if (keys.bundle.size() > 1) keys.price_usd.reset();
+  return config::canonical_text(keys);
 }
 
 }  // namespace
@@ -301,31 +322,6 @@ std::vector<std::string> preset_names(const std::filesystem::path& file) {
   const config::Tree* presets = tree.find("presets");
   return presets == nullptr ? std::vector<std::string>{} : presets->keys;
 }
-
-namespace {
-
-LidarFile keys_of(const LidarConfig& lidar) {
-  LidarFile keys{lidar.name, lidar.model, std::nullopt, std::nullopt, std::nullopt, {}};
-  const LidarUnit& first = lidar.units.front();
-  keys.price_usd = lidar.price_usd;
-  if (lidar.units.size() == 1 && first.yaw_deg == 0 && first.pitch_deg == 0) {
-    keys.pattern = first.pattern;
-    keys.returns = first.returns;
-  } else {
-    for (const LidarUnit& u : lidar.units)
-      keys.bundle.push_back({std::nullopt, u.yaw_deg, u.pitch_deg, u.pattern, u.returns});
-  }
-  return keys;
-}
-
-/// Returns the canonical text of a LiDAR's keys. The price of several units is left out, because
-/// files of earlier versions do not have it.
-std::string canonical_of(LidarFile keys) {
-  if (keys.bundle.size() > 1) keys.price_usd.reset();
-  return config::canonical_text(keys);
-}
-
-}  // namespace
 
 std::string dump_lidar(const LidarConfig& lidar) { return config::dump_struct(keys_of(lidar)); }
 

@@ -6,16 +6,13 @@
 #include <string>
 #include <vector>
 
+#include "infrasim/config/tree.h"
 #include "infrasim/core/fraction.h"
 #include "infrasim/core/geometry.h"
 
 // The keys of a LiDAR file, read for one of its presets.
 
 namespace infrasim {
-
-namespace config {
-struct Tree;
-}
 
 inline constexpr int kMostColumnStep = 16;
 inline constexpr double kLongestPublishedRange_m = 2000;
@@ -44,6 +41,7 @@ struct ChannelsConfig {
   std::optional<double> lower_deg;
   /// channels that were read from the file or calculated from the other members
   std::vector<Channel> table;
+  config::KeyPlace file_key = {};
 };
 
 inline constexpr double kUsualPeriod_s = 0.1;  ///< frame period of most LiDARs
@@ -116,6 +114,7 @@ struct TableConfig {
   /// time of each ray since the first ray, read from the file; if empty, the times are evenly
   /// spaced
   std::vector<double> times_s;
+  config::KeyPlace file_key = {};
 };
 
 struct PatternConfig {

@@ -1,10 +1,7 @@
-#include "infrasim/config/pattern_keys.h"
+#include "infrasim/config/lidar_keys.h"
 
 #include <cmath>
 #include <numeric>
-
-#include "infrasim/config/fields.h"
-#include "infrasim/config/key_list.h"
 
 namespace infrasim {
 
@@ -65,6 +62,7 @@ void visit(Fields& f, ChannelsConfig& c) {
           "elevation of the last channel; default: 0, or upper_deg for one channel",
           between(-90, 90));
   f.field("file", c.file, "table of channels, relative to this file");
+  f.here(c.file_key, "file");
   f.field("table", c.table, "channels, in the order of their points in a column");
   const int ways = (c.count > 0) + !c.file.empty() + !c.table.empty();
   f.check(ways == 1, "count", "expected one of count, file, table, got none or several");
@@ -210,6 +208,7 @@ template <class Fields>
 void visit(Fields& f, TableConfig& c) {
   f.field("file", c.file, ".npy or .csv file with columns azimuth, elevation and optionally time",
           required());
+  f.here(c.file_key, "file");
   f.field("rays_per_s", c.rays_per_s, "rays per second; needed for a table without times",
           between(kFewestPerSecond, kMostRaysPerSecond));
   f.field("period_s", c.period_s, "frame period", between(kShortestPeriod_s, kLongestPeriod_s));

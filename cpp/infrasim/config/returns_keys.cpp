@@ -1,12 +1,11 @@
-#include "infrasim/config/returns_keys.h"
+#include "infrasim/config/lidar_keys.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <ranges>
 
-#include "infrasim/config/fields.h"
-#include "infrasim/config/key_list.h"
 #include "infrasim/core/math.h"
 
 namespace infrasim {
@@ -112,9 +111,8 @@ std::string unoffered_mode(const EchoesConfig& c) {
   const auto name = [](EchoMode mode) {
     return std::string(enum_names(mode)[static_cast<std::size_t>(mode)]);
   };
-  std::string names;
-  for (const EchoMode mode : c.offered) names += (names.empty() ? "" : ", ") + name(mode);
-  return "expected a mode that the sensor offers (" + names + "), got " + name(c.mode);
+  return "expected a mode that the sensor offers (" +
+         listed(c.offered | std::views::transform(name)) + "), got " + name(c.mode);
 }
 
 template <class Fields>

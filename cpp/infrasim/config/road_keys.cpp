@@ -1,8 +1,4 @@
-#include "infrasim/config/road_keys.h"
-
-#include "infrasim/config/fields.h"
-#include "infrasim/config/key_list.h"
-#include "infrasim/config/shared_keys.h"
+#include "infrasim/config/scene_keys.h"
 
 namespace infrasim {
 
@@ -119,6 +115,7 @@ template <class Fields>
 void visit_ways(Fields& f, SceneConfig& c) {
   f.field("lanes", c.lanes,
           "file of lanes with elevations, which replaces roads; lanes have no surface");
+  f.here(c.lanes_key, "lanes");
   f.field("roads", c.roads, "roads; not used with lanes",
           c.lanes ? config::Rule{} : at_least_one());
   f.check(!c.lanes || c.roads.empty(), "roads", "expected roads or lanes, got both");

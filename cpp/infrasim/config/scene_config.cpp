@@ -1,14 +1,9 @@
 #include "infrasim/config/scene_config.h"
 
+#include <ranges>
 #include <set>
 
-#include "infrasim/config/fields.h"
-#include "infrasim/config/filter_keys.h"
-#include "infrasim/config/key_list.h"
-#include "infrasim/config/road_keys.h"
-#include "infrasim/config/shared_keys.h"
-#include "infrasim/config/static_object_keys.h"
-#include "infrasim/config/traffic_keys.h"
+#include "infrasim/config/scene_keys.h"
 
 namespace infrasim {
 
@@ -185,6 +180,7 @@ void visit(Fields& f, SceneConfig& c) {
   f.field("static_layers", c.static_layers,
           "for each LiDAR, a file of `infrasim static` with the static points, which replaces "
           "casting the static scene");
+  f.here(c.static_layers_key, "static_layers");
   f.check(!c.lanes || !c.traffic, "traffic",
           "expected trajectories with lanes of a file, got traffic, which needs "
           "roads");
@@ -227,24 +223,19 @@ SceneConfig parse_scene(const std::string& text, const std::string& name,
 
 std::size_t road_index(const SceneConfig& scene, const std::string& name,
                        const config::Place& place, const char* key) {
-  std::string names;
-  for (std::size_t i = 0; i < scene.roads.size(); ++i) {
-    if (scene.roads[i].name == name) return i;
-    names += (names.empty() ? "" : ", ") + scene.roads[i].name;
-  }
-  const std::string allowed = names.empty() ? "no name, as the scene has no roads" : names;
+  const auto names = scene.roads | std::views::transform(&RoadConfig::name);
+  const auto found = std::ranges::find(names, name) - names.begin();
+  if (found < std::ssize(names)) return static_cast<std::size_t>(found);
+  const std::string allowed = names.empty() ? "no name, as the scene has no roads" : listed(names);
   config::fail(place, key, "expected " + allowed + ", got unknown road '" + name + "'");
 }
 
 SceneConfig scene_at_mount(const SceneConfig& scene, const std::string& mount) {
   const bool several = scene.mounts.size() > 1;
   const auto entry = mount.empty() && !several ? scene.mounts.begin() : scene.mounts.find(mount);
-  if (entry == scene.mounts.end()) {
-    std::string names;
-    for (const auto& [name, pose] : scene.mounts) names += (names.empty() ? "" : ", ") + name;
-    throw ConfigError("mount: expected " + names + ", got " +
+  if (entry == scene.mounts.end())
+    throw ConfigError("mount: expected " + listed(std::views::keys(scene.mounts)) + ", got " +
                       (mount.empty() ? "none" : "'" + mount + "'"));
-  }
   SceneConfig view = scene;
   view.mounts = {*entry};
   MountConfig& pose = view.mounts[entry->first];

@@ -131,6 +131,7 @@ struct SceneConfig {
   /// For each LiDAR, the path of a file with the hits of rays on static surfaces, relative to the
   /// scene file. The hits in the file are not computed again.
   std::optional<std::map<std::string, std::string>> static_layers;
+  config::KeyPlace lanes_key, trajectories_key, static_layers_key;
   std::filesystem::path folder;  ///< folder of the scene file; not a key of this file
   std::string preset;  ///< LiDAR preset for which the file was read; not a key of this file
   /// names of the LiDAR presets for which the scene file has a block of keys; not a key of this

@@ -1,8 +1,5 @@
-#include "infrasim/config/static_object_keys.h"
+#include "infrasim/config/scene_keys.h"
 
-#include "infrasim/config/fields.h"
-#include "infrasim/config/key_list.h"
-#include "infrasim/config/shared_keys.h"
 #include "infrasim/core/math.h"
 
 namespace infrasim {
@@ -33,6 +30,7 @@ template <class Fields>
 void visit(Fields& f, MeshConfig& c) {
   f.here(c.place);
   f.field("file", c.file, ".ply in world coordinates, relative to the scene file", required());
+  f.here(c.file_key, "file");
   f.field("material", c.material, "material of the surface", required());
 }
 

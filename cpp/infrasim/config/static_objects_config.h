@@ -22,6 +22,7 @@ struct MeshConfig {
   std::string file;  ///< path of a .ply file, relative to the scene file
   Material material = Material::kStructure;
   config::Place place;
+  config::KeyPlace file_key;
 };
 
 /// An upright box, such as a building or a pole.

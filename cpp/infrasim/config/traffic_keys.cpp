@@ -1,8 +1,5 @@
-#include "infrasim/config/traffic_keys.h"
+#include "infrasim/config/scene_keys.h"
 
-#include "infrasim/config/fields.h"
-#include "infrasim/config/key_list.h"
-#include "infrasim/config/shared_keys.h"
 #include "infrasim/core/classes.h"
 
 namespace infrasim {
@@ -22,23 +19,22 @@ void visit(Fields& f, SpeedConfig& c) {
 /// why other classes are not allowed.
 template <class Fields>
 void visit_shares(Fields& f, std::map<std::string, double>& shares, const std::string& why_not) {
-  f.field("class_shares", shares, "relative frequency of each object class", [] {
+  const std::string vehicles = "Car, Van, Truck, Bus, Motorcycle";
+  f.field("class_shares", shares, "relative frequency of each object class", [&] {
     auto rule = at_least_one();
     rule.min = 0;
     rule.max = 1;
+    rule.keys = vehicles.c_str();
     return rule;
   }());
   double sum = 0;
   for (const auto& [name, share] : shares) {
     const ObjectClass* object_class = find_class(name);
     f.check(object_class != nullptr, "class_shares",
-            "expected Car, Van, Truck, Bus, Motorcycle, got unknown class '" + name + "'");
+            "expected " + vehicles + ", got unknown class '" + name + "'");
     f.check(object_class == nullptr || object_class->vehicle || share == 0, "class_shares",
-            std::string("expected Car, Van, Truck, Bus, Motorcycle, got ")
-                .append(name)
-                .append(", which ")
-                .append(why_not)
-                .append("; trajectories may have all"));
+            "expected " + vehicles + ", got " + name + ", which " + why_not +
+                "; trajectories may have all");
     sum += share;
   }
   f.check(sum > 0, "class_shares", "expected above 0, got a sum of 0");
@@ -117,6 +113,7 @@ void visit_traffic(Fields& f, SceneConfig& c) {
   f.field("people", c.people, "pedestrians and cyclists who move along roads");
   f.field("standing_people", c.standing_people, "groups of standing pedestrians");
   f.field("trajectories", c.trajectories, "file of trajectories, which replaces simulated traffic");
+  f.here(c.trajectories_key, "trajectories");
 }
 
 template void visit_traffic(config::FieldReader&, SceneConfig&);

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "infrasim/core/files.h"
+#include "infrasim/core/hints.h"
 #include "infrasim/core/numbers.h"
 
 namespace infrasim::config {
@@ -67,7 +68,8 @@ struct Converter {
       if (!entry.first.IsScalar())
         fail(key_place, "(key)", "expected a word, got another kind of key");
       const std::string& key = entry.first.Scalar();
-      if (!seen.insert(key).second) fail(key_place, key, "expected the key once, got it twice");
+      if (!seen.insert(key).second)
+        fail(key_place, key, "expected the key once, got it twice" + comma_hint("0," + key));
       Tree value = convert(entry.second);
       if (value.place.line == 0) value.place = key_place;
       tree.keys.push_back(key);
@@ -105,12 +107,6 @@ std::optional<YAML::Mark> second_document(const std::string& text) {
   return std::nullopt;
 }
 
-Tree* find_mutable(Tree& tree, std::string_view key) {
-  const auto it = std::ranges::find(tree.keys, key);
-  return it == tree.keys.end() ? nullptr
-                               : &tree.items[static_cast<std::size_t>(it - tree.keys.begin())];
-}
-
 /// Returns the child of a node for one step of a dotted path. A child that is missing in a map is
 /// created.
 Tree& child(Tree& tree, const std::string& step, const std::string& option) {
@@ -124,7 +120,8 @@ Tree& child(Tree& tree, const std::string& step, const std::string& option) {
   if (tree.kind == Tree::Kind::kScalar)
     fail({option}, step, "expected a map or a list, got a plain value");
   tree.kind = Tree::Kind::kMap;
-  if (Tree* child = find_mutable(tree, step)) return *child;
+  const auto at = std::ranges::find(tree.keys, step) - tree.keys.begin();
+  if (at < std::ssize(tree.keys)) return tree.items[static_cast<std::size_t>(at)];
   tree.keys.push_back(step);
   tree.items.emplace_back();
   tree.items.back().place = {option};
@@ -147,16 +144,17 @@ std::optional<Tree> take(Tree& map, std::string_view key) {
   return value;
 }
 
-std::string message(const Place& place, std::string_view key, std::string_view what) {
+std::string start_of(const KeyPlace& at) {
+  const Place& place = at.place;
   std::string text = place.file;
   if (place.line > 0) text += ":" + std::to_string(place.line) + ":" + std::to_string(place.column);
-  text += ": " + std::string(key) + ": " + std::string(what);
-  std::ranges::replace(text, '\n', ' ');
-  return text;
+  return text + ": " + at.key + ": ";
 }
 
 void fail(const Place& place, std::string_view key, std::string_view what) {
-  throw ConfigError(message(place, key, what));
+  std::string text = start_of({place, std::string(key)}) + std::string(what);
+  std::ranges::replace(text, '\n', ' ');
+  throw ConfigError(text);
 }
 
 /// Rejects control characters and bytes that are not UTF-8. yaml-cpp would stop reading at some of

@@ -18,6 +18,12 @@ struct Place {
   int column = 0;
 };
 
+/// Position and dotted path of a key that names a file.
+struct KeyPlace {
+  Place place;
+  std::string key;
+};
+
 /// One parsed YAML value. A map keeps its keys in file order and without duplicates.
 struct Tree {
   enum class Kind { kNull, kScalar, kSequence, kMap };
@@ -33,10 +39,22 @@ struct Tree {
 /// Removes a key from a map and returns its value; nothing if the key is missing.
 std::optional<Tree> take(Tree& map, std::string_view key);
 
-/// Returns the error message "file:line:col: key: what" as one line.
-std::string message(const Place& place, std::string_view key, std::string_view what);
-
+/// Throws an error with the message "file:line:col: key: what" in one line.
 [[noreturn]] void fail(const Place& place, std::string_view key, std::string_view what);
+
+/// Returns the start "file:line:col: key: " of a message.
+std::string start_of(const KeyPlace& at);
+
+/// Calls a function that reads the file of a key. If the file can't be read, the error names the
+/// key and its position too.
+template <class Read>
+auto read_named(const KeyPlace& at, const Read& read) {
+  try {
+    return read();
+  } catch (const IoError& error) {
+    throw IoError((at.key.empty() ? "" : start_of(at)) + error.what());
+  }
+}
 
 /// @throws ConfigError on malformed YAML, duplicate keys, or aliases that expand the file too much
 /// @throws IoError if the file can't be read

@@ -14,6 +14,14 @@ std::size_t find_unprintable(std::string_view text, std::size_t from = 0);
 /// that are not UTF-8 become \xNN.
 std::string printable(std::string_view text);
 
+/// Returns names as a text for messages, such as "a, b, c".
+template <class Names>
+std::string listed(const Names& names) {
+  std::string text;
+  for (const auto& name : names) text += (text.empty() ? "" : ", ") + std::string(name);
+  return text;
+}
+
 /// An error in a configuration or input file. The message is one printable line:
 /// `file:line:col: key: expected ..., got ...`.
 class ConfigError : public std::runtime_error {

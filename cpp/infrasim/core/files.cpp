@@ -2,10 +2,12 @@
 
 #include <sys/stat.h>
 
+#include <cerrno>
 #include <fstream>
 #include <mutex>
 #include <set>
 #include <sstream>
+#include <system_error>
 #include <utility>
 
 #include "infrasim/core/errors.h"
@@ -15,8 +17,6 @@ namespace infrasim {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr int kMostLinks = 40;  // maximum number of links in a chain, as in the Linux kernel
 
 using FileNumber = std::pair<dev_t, ino_t>;
 
@@ -54,19 +54,6 @@ const char* kind_of(fs::file_type type) {
 
 }  // namespace
 
-fs::path link_target(const fs::path& path) {
-  fs::path target = path;
-  std::error_code error;
-  for (int links = 0; fs::is_symlink(fs::symlink_status(target, error)); ++links) {
-    if (links == kMostLinks)
-      throw ConfigError(path.string() + ": expected a file, got a loop of symbolic links");
-    const fs::path next = fs::read_symlink(target, error);
-    if (error) return target;
-    target = target.parent_path() / next;
-  }
-  return target;
-}
-
 void expect_regular(const fs::path& file) {
   std::error_code error;
   if (const char* kind = kind_of(fs::status(file, error).type()))
@@ -76,10 +63,12 @@ void expect_regular(const fs::path& file) {
 std::ifstream open_file(const fs::path& file) {
   if (has_zero(file)) throw IoError("(file): expected a path without a zero byte, got one with it");
   expect_regular(file);
+  errno = 0;
   std::ifstream in(file, std::ios::binary);
+  const int reason = in.is_open() ? EISDIR : errno;
   std::error_code error;
   if (!in.is_open() || fs::is_directory(file, error))
-    throw IoError(file.string() + ": can't be read");
+    throw IoError(file.string() + ": can't be read: " + std::generic_category().message(reason));
   ReadRecord& record = read_record();
   const std::scoped_lock lock(record.mutex);
   if (record.on) record.files.insert(number_of(file));

@@ -15,10 +15,6 @@ inline bool has_zero(const std::filesystem::path& file) {
 /// maximum size, in bytes, of a file that is read into memory
 inline constexpr std::uintmax_t kMostBytes = std::uintmax_t{4} << 30;
 
-/// The file to which a path leads through symbolic links. The target need not exist.
-/// @throws ConfigError if the links form a loop
-std::filesystem::path link_target(const std::filesystem::path& path);
-
 /// Refuses FIFOs, devices and sockets. A read of them may never end, and a rename would replace
 /// them. A file that does not exist is accepted.
 /// @throws ConfigError if the path leads to a FIFO, a device or a socket

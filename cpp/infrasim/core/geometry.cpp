@@ -6,6 +6,20 @@
 
 namespace infrasim {
 
+namespace {
+
+/// True if all of `b` lies on the outer side of a line along an edge of `a`.
+bool separated_by_edge(std::span<const Vec2> a, std::span<const Vec2> b) {
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    const Vec2 from = a[i], edge = a[(i + 1) % a.size()] - from;
+    if (edge.x == 0 && edge.y == 0) continue;
+    if (std::ranges::all_of(b, [&](Vec2 p) { return cross(edge, p - from) <= 0; })) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
 Box3d levelled(const Box3d& box) {
   if (box.pitch == 0) return box;
   const double c = std::abs(math::cos(box.pitch)), s = std::abs(math::sin(box.pitch));
@@ -59,20 +73,6 @@ std::array<Vec2, 4> footprint(const Box3d& box) {
   return {centre + along - left, centre + along + left, centre - along + left,
           centre - along - left};
 }
-
-namespace {
-
-/// True if all of `b` lies on the outer side of a line along an edge of `a`.
-bool separated_by_edge(std::span<const Vec2> a, std::span<const Vec2> b) {
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    const Vec2 from = a[i], edge = a[(i + 1) % a.size()] - from;
-    if (edge.x == 0 && edge.y == 0) continue;
-    if (std::ranges::all_of(b, [&](Vec2 p) { return cross(edge, p - from) <= 0; })) return true;
-  }
-  return false;
-}
-
-}  // namespace
 
 double signed_area(std::span<const Vec2> outline) {
   double twice = 0;

@@ -15,6 +15,7 @@ namespace infrasim {
 template <class T>
 class NamedMap {
  public:
+  using mapped_type = T;
   using Entry = std::pair<std::string, T>;
 
   NamedMap() = default;

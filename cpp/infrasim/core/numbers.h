@@ -2,6 +2,8 @@
 
 #include <array>
 #include <charconv>
+#include <cstdint>
+#include <cstdio>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -33,6 +35,13 @@ inline std::string fixed_text(double value, int digits) {
   std::string text;
   append_fixed(text, value, digits);
   return text;
+}
+
+/// Returns the 16 hexadecimal digits of a number.
+inline std::string hex_text(std::uint64_t value) {
+  std::array<char, 17> text{};
+  std::snprintf(text.data(), text.size(), "%016llx", static_cast<unsigned long long>(value));
+  return text.data();
 }
 
 }  // namespace infrasim

@@ -2,7 +2,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <span>
 #include <vector>
 
 namespace infrasim {
@@ -20,10 +19,21 @@ struct PointCloud {
 
   std::size_t size() const { return intensity.size(); }
 
-  void resize(std::size_t n);
+  /// Calls use(column, values per point) for each column, which is a pointer to a member.
+  template <class Use>
+  static void for_each_column(const Use& use) {
+    use(&PointCloud::xyz, std::size_t{3});
+    use(&PointCloud::intensity, std::size_t{1});
+    use(&PointCloud::time, std::size_t{1});
+    use(&PointCloud::ring, std::size_t{1});
+    use(&PointCloud::class_id, std::size_t{1});
+    use(&PointCloud::object_id, std::size_t{1});
+    use(&PointCloud::echo, std::size_t{1});
+  }
 
-  /// Points at the given indices, in that order.
-  PointCloud select(std::span<const int> keep) const;
+  void resize(std::size_t n) {
+    for_each_column([&](auto column, std::size_t values) { (this->*column).resize(values * n); });
+  }
 };
 
 }  // namespace infrasim

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <numbers>
 #include <string_view>
+#include <vector>
 
 #include "infrasim/core/math.h"
 
@@ -22,6 +23,12 @@ constexpr std::uint64_t hash_name(std::string_view name) {
   std::uint64_t h = 0xcbf29ce484222325ULL;
   for (const char c : name) h = (h ^ static_cast<unsigned char>(c)) * 0x100000001b3ULL;
   return h;
+}
+
+/// Hash of the bytes of some values.
+template <class T>
+std::uint64_t hash_all(const std::vector<T>& values) {
+  return hash_name({reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)});
 }
 
 /// Counter-based random numbers. A sample is a pure function of the key and of the sample's number

@@ -1,8 +1,7 @@
-#include "infrasim/filter/crop.h"
-
 #include <stdexcept>
 
 #include "infrasim/core/math.h"
+#include "infrasim/filter/filter.h"
 #include "infrasim/filter/points.h"
 
 namespace infrasim {

@@ -5,10 +5,20 @@
 #include <vector>
 
 #include "infrasim/filter/background.h"
-#include "infrasim/filter/crop.h"
-#include "infrasim/filter/ground.h"
 
 namespace infrasim {
+
+// Each of the following functions returns the indices of the points to keep, in increasing order.
+// Only returns are kept. `xyz` has row-major points in the levelled LiDAR frame, in metres. The
+// functions throw std::invalid_argument if a parameter is out of its range, such as NaN, a minimum
+// above its maximum, or a polygon without an area.
+std::vector<int> keep(std::span<const float> xyz, const CropBox& box);
+std::vector<int> keep(std::span<const float> xyz, const CropPolygon& polygon);
+std::vector<int> keep(std::span<const float> xyz, const CropRange& range);
+std::vector<int> keep(std::span<const float> xyz, const CropFieldOfView& view);
+std::vector<int> keep(std::span<const float> xyz, const GroundHeight& ground);
+std::vector<int> keep(std::span<const float> xyz, const GroundPlane& ground);
+std::vector<int> keep(std::span<const float> xyz, const GroundMorphological& ground);
 
 using FilterStep = FilterOf<BackgroundModel>;
 

@@ -1,11 +1,10 @@
-#include "infrasim/filter/ground.h"
-
 #include <pcl/console/print.h>
 #include <pcl/point_types.h>
 #include <pcl/segmentation/sac_segmentation.h>
 
 #include <stdexcept>
 
+#include "infrasim/filter/filter.h"
 #include "infrasim/filter/points.h"
 
 namespace infrasim {

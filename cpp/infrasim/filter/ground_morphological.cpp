@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 #include "infrasim/core/math.h"
-#include "infrasim/filter/ground.h"
+#include "infrasim/filter/filter.h"
 #include "infrasim/filter/points.h"
 
 namespace infrasim {

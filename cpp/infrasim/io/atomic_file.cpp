@@ -38,6 +38,23 @@ std::filesystem::path hidden_file(const std::filesystem::path& file) {
                                std::to_string(count++) + std::string(kEnding));
 }
 
+/// The file to which a path leads through symbolic links. The target need not exist.
+/// @throws ConfigError if the links form a loop
+std::filesystem::path link_target(const std::filesystem::path& path) {
+  constexpr int kMostLinks = 40;  // maximum number of links in a chain, as in the Linux kernel
+  std::filesystem::path target = path;
+  std::error_code error;
+  for (int links = 0; std::filesystem::is_symlink(std::filesystem::symlink_status(target, error));
+       ++links) {
+    if (links == kMostLinks)
+      throw ConfigError(path.string() + ": expected a file, got a loop of symbolic links");
+    const std::filesystem::path next = std::filesystem::read_symlink(target, error);
+    if (error) return target;
+    target = target.parent_path() / next;
+  }
+  return target;
+}
+
 /// Returns the process id in the name of a hidden file of this machine; 0 for any other file.
 pid_t writer_of(std::string_view name) {
   const auto last_part = [&] {
@@ -78,19 +95,17 @@ AtomicFile::~AtomicFile() {
   ::unlink(hidden_.c_str());
 }
 
-void AtomicFile::write(std::span<const std::byte> bytes) {
+void AtomicFile::write(std::string_view bytes) {
   while (!bytes.empty()) {
     const ssize_t n = ::write(descriptor_, bytes.data(), bytes.size());
     if (n > 0)
-      bytes = bytes.subspan(static_cast<std::size_t>(n));
+      bytes.remove_prefix(static_cast<std::size_t>(n));
     else if (n == 0)
       fail(file_, ENOSPC);
     else if (errno != EINTR)
       fail(file_, errno);
   }
 }
-
-void AtomicFile::write(std::string_view text) { write(std::as_bytes(std::span(text))); }
 
 void AtomicFile::close() {
   if (::close(std::exchange(descriptor_, -1)) != 0) fail(file_, errno);
@@ -109,14 +124,10 @@ bool AtomicFile::create() {
   return failed == 0;
 }
 
-void write_file_atomically(const std::filesystem::path& file, std::span<const std::byte> bytes) {
+void write_file_atomically(const std::filesystem::path& file, std::string_view bytes) {
   AtomicFile out(file);
   out.write(bytes);
   out.replace();
-}
-
-void write_file_atomically(const std::filesystem::path& file, std::string_view text) {
-  write_file_atomically(file, std::as_bytes(std::span(text)));
 }
 
 bool create_file_atomically(const std::filesystem::path& file, std::string_view text) {

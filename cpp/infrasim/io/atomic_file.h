@@ -1,8 +1,6 @@
 #pragma once
 
-#include <cstddef>
 #include <filesystem>
-#include <span>
 #include <string_view>
 
 namespace infrasim {
@@ -21,8 +19,7 @@ class AtomicFile {
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
 
-  void write(std::span<const std::byte> bytes);
-  void write(std::string_view text);
+  void write(std::string_view bytes);
   /// Renames the file to its final name, replacing an existing file.
   void replace();
   /// Renames the file to its final name if no such file exists.
@@ -39,8 +36,7 @@ class AtomicFile {
 
 /// Writes a file in one call.
 /// @throws IoError
-void write_file_atomically(const std::filesystem::path& file, std::span<const std::byte> bytes);
-void write_file_atomically(const std::filesystem::path& file, std::string_view text);
+void write_file_atomically(const std::filesystem::path& file, std::string_view bytes);
 
 /// Like write_file_atomically, but does not replace an existing file.
 /// @return whether the file was written

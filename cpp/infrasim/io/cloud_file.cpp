@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <cstring>
 #include <sstream>
 
@@ -14,40 +13,11 @@ namespace infrasim {
 
 namespace {
 
-template <class T>
-float element(const char* at) {
-  T value;
-  std::memcpy(&value, at, sizeof(T));
-  return static_cast<float>(value);
-}
-
 float element(const CloudField& field, const char* at) {
-  switch (field.type) {
-    case 'F':
-      return field.size == 4 ? element<float>(at) : element<double>(at);
-    case 'I':
-      switch (field.size) {
-        case 1:
-          return element<std::int8_t>(at);
-        case 2:
-          return element<std::int16_t>(at);
-        case 4:
-          return element<std::int32_t>(at);
-        default:
-          return element<std::int64_t>(at);
-      }
-    default:
-      switch (field.size) {
-        case 1:
-          return element<std::uint8_t>(at);
-        case 2:
-          return element<std::uint16_t>(at);
-        case 4:
-          return element<std::uint32_t>(at);
-        default:
-          return element<std::uint64_t>(at);
-      }
-  }
+  return with_type(field, [&]<class T>(T value) {
+    std::memcpy(&value, at, sizeof(T));
+    return static_cast<float>(value);
+  });
 }
 
 bool same_but_for_capitals(std::string_view a, std::string_view b) {
@@ -60,6 +30,11 @@ constexpr const char* kIntensities[] = {
     "intensity",        "reflectivity",        "i",
     "intensities",      "reflectance",         "remission",
     "scalar_intensity", "scalar_reflectivity", "scalar_reflectance"};
+
+bool is_pcd(const std::filesystem::path& file) {
+  if (file.extension() == ".pcd" || file.extension() == ".bin") return file.extension() == ".pcd";
+  throw ConfigError("expected a name that ends in .bin or .pcd, got '" + file.string() + "'");
+}
 
 }  // namespace
 
@@ -182,22 +157,17 @@ std::string bin_bytes(const CloudFile& cloud, float intensity_max) {
   std::vector<float> intensity = cloud.intensity();
   intensity.resize(cloud.points);
   for (float& value : intensity) value /= intensity_max;
-  std::string bytes(16 * cloud.points, '\0');
-  for (std::size_t i = 0; i < cloud.points; ++i) {
+  return bin_records(xyz, intensity);
+}
+
+std::string bin_records(std::span<const float> xyz, std::span<const float> intensity) {
+  std::string bytes(16 * intensity.size(), '\0');
+  for (std::size_t i = 0; i < intensity.size(); ++i) {
     std::memcpy(&bytes[16 * i], &xyz[3 * i], 12);
     std::memcpy(&bytes[16 * i + 12], &intensity[i], 4);
   }
   return bytes;
 }
-
-namespace {
-
-bool is_pcd(const std::filesystem::path& file) {
-  if (file.extension() == ".pcd" || file.extension() == ".bin") return file.extension() == ".pcd";
-  throw ConfigError("expected a name that ends in .bin or .pcd, got '" + file.string() + "'");
-}
-
-}  // namespace
 
 CloudFile read_cloud(const std::filesystem::path& file) {
   const bool pcd = is_pcd(file);

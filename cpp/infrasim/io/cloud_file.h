@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <span>
 #include <string>
@@ -17,6 +18,23 @@ struct CloudField {
   int size = 4;
   int count = 1;
 };
+
+/// Calls use(T{}), where T is the type of a field's elements.
+template <class Use>
+auto with_type(const CloudField& field, const Use& use) {
+  if (field.type == 'F') return field.size == 4 ? use(float{}) : use(double{});
+  const bool is_signed = field.type == 'I';
+  switch (field.size) {
+    case 1:
+      return is_signed ? use(std::int8_t{}) : use(std::uint8_t{});
+    case 2:
+      return is_signed ? use(std::int16_t{}) : use(std::uint16_t{});
+    case 4:
+      return is_signed ? use(std::int32_t{}) : use(std::uint32_t{});
+    default:
+      return is_signed ? use(std::int64_t{}) : use(std::uint64_t{});
+  }
+}
 
 /// The pose of the sensor in the frame of the scanned site: points are rotated by a unit quaternion
 /// and then shifted.
@@ -81,5 +99,9 @@ CloudFile parse_bin(std::string_view bytes, const std::string& name);
 CloudFile parse_pcd(std::string_view bytes, const std::string& name);
 std::string pcd_bytes(const CloudFile& cloud);
 std::string bin_bytes(const CloudFile& cloud, float intensity_max = 1);
+
+/// Returns the records of a .bin file: x y z intensity of each point.
+/// @param xyz row-major points
+std::string bin_records(std::span<const float> xyz, std::span<const float> intensity);
 
 }  // namespace infrasim

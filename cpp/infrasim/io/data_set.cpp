@@ -42,7 +42,7 @@ std::vector<std::string> lines_of(const std::string& text) {
   const bool in_file = line_of(old_lines, i) == line_of(in_folder, i);
   throw IoError(file.string() + ":" + (in_file ? std::to_string(i + 1) + ":" : "") +
                 " the folder holds another run: it has '" + line_of(in_folder, i) +
-                "', this run has '" + line_of(in_run, i) + "'");
+                "', this run has '" + line_of(in_run, i) + "'; use another folder");
 }
 
 void compare(const std::filesystem::path& file, const std::string& text, const Identity& identity) {
@@ -66,6 +66,9 @@ void compare(const std::filesystem::path& file, const std::string& text, const I
 
 void create_folder(const std::filesystem::path& folder) {
   std::error_code error;
+  const auto path = folder.has_filename() ? folder : folder.parent_path();
+  if (std::filesystem::exists(path, error) && !std::filesystem::is_directory(path, error))
+    throw IoError(path.string() + ": expected a folder, got a file");
   std::filesystem::create_directories(folder, error);
   if (error) throw IoError(folder.string() + ": can't be created: " + error.message());
   remove_leftovers(folder);

@@ -98,20 +98,14 @@ std::string objects_csv(const std::vector<ObjectRecord>& objects, bool pitched) 
   return text;
 }
 
-std::vector<std::byte> velodyne_bytes(const PointCloud& cloud) {
-  constexpr std::size_t kRecord = 16;
-  std::vector<std::byte> bytes(kRecord * cloud.size());
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    std::memcpy(&bytes[kRecord * i], &cloud.xyz[3 * i], 12);
-    std::memcpy(&bytes[kRecord * i + 12], &cloud.intensity[i], 4);
-  }
-  return bytes;
+std::string velodyne_bytes(const PointCloud& cloud) {
+  return bin_records(cloud.xyz, cloud.intensity);
 }
 
-std::vector<std::byte> fields_bytes(const PointCloud& cloud) {
-  std::vector<std::byte> bytes(kFieldsRecord * cloud.size());
+std::string fields_bytes(const PointCloud& cloud) {
+  std::string bytes(kFieldsRecord * cloud.size(), '\0');
   for (std::size_t i = 0; i < cloud.size(); ++i) {
-    std::byte* at = &bytes[kFieldsRecord * i];
+    char* at = &bytes[kFieldsRecord * i];
     std::memcpy(at, &cloud.time[i], 4);
     std::memcpy(at + 4, &cloud.ring[i], 2);
     const std::array<std::uint8_t, 2> class_and_echo{static_cast<std::uint8_t>(cloud.class_id[i]),
@@ -147,7 +141,7 @@ FrameCounts read_counts(const std::filesystem::path& lidar_folder, int frame) {
   const auto cloud = velodyne_file(lidar_folder, frame);
   std::error_code error;
   counts.hits = std::filesystem::file_size(cloud, error) / 16;
-  if (error) throw IoError(cloud.string() + ": can't be read");
+  if (error) throw IoError(cloud.string() + ": can't be read: " + error.message());
   CsvReader csv(lidar_folder / "training" / "objects" / (frame_name(frame) + ".csv"),
                 kObjectColumns, "pitch");
   while (csv.next_row()) {
@@ -195,7 +189,7 @@ RecordedPoints read_points(const std::filesystem::path& lidar_folder, int frame)
 void write_point_mounts(const std::filesystem::path& lidar_folder, int frame,
                         std::span<const std::uint16_t> mounts) {
   write_file_atomically(lidar_folder / "training" / "mounts" / (frame_name(frame) + ".bin"),
-                        std::as_bytes(mounts));
+                        {reinterpret_cast<const char*>(mounts.data()), mounts.size_bytes()});
 }
 
 void write_frame(const std::filesystem::path& lidar_folder, int frame, const Frame& data,

@@ -30,11 +30,11 @@ std::string calib_text();
 std::string objects_csv(const std::vector<ObjectRecord>& objects, bool pitched = false);
 
 /// Returns float32 x y z intensity of each point, little-endian.
-std::vector<std::byte> velodyne_bytes(const PointCloud& cloud);
+std::string velodyne_bytes(const PointCloud& cloud);
 
 /// Returns float32 time_s, uint16 ring, uint8 class, uint8 echo, int32 object_id of each point,
 /// packed, little-endian.
-std::vector<std::byte> fields_bytes(const PointCloud& cloud);
+std::string fields_bytes(const PointCloud& cloud);
 
 /// Returns a frame number with six digits, such as 000123.
 std::string frame_name(int frame);

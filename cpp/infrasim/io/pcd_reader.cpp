@@ -255,30 +255,12 @@ class PcdReader {
     return *value;
   }
 
-  template <class T>
-  void append_as(const CloudField& field, const std::string& word) {
+  void append_value(const CloudField& field, const std::string& word) {
     const std::string type = field.type + std::to_string(8 * field.size);
-    const T value = number<T>(field.name, word, "a number of type " + type);
-    cloud_.records.append(reinterpret_cast<const char*>(&value), sizeof(T));
-  }
-
-  void append_value(const CloudField& f, const std::string& word) {
-    if (f.type == 'F') return f.size == 4 ? append_as<float>(f, word) : append_as<double>(f, word);
-    const bool is_signed = f.type == 'I';
-    switch (f.size) {
-      case 1:
-        return append_byte(f, word, is_signed);
-      case 2:
-        return is_signed ? append_as<std::int16_t>(f, word) : append_as<std::uint16_t>(f, word);
-      case 4:
-        return is_signed ? append_as<std::int32_t>(f, word) : append_as<std::uint32_t>(f, word);
-      default:
-        return is_signed ? append_as<std::int64_t>(f, word) : append_as<std::uint64_t>(f, word);
-    }
-  }
-
-  void append_byte(const CloudField& f, const std::string& word, bool is_signed) {
-    is_signed ? append_as<signed char>(f, word) : append_as<unsigned char>(f, word);
+    with_type(field, [&]<class T>(T value) {
+      value = number<T>(field.name, word, "a number of type " + type);
+      cloud_.records.append(reinterpret_cast<const char*>(&value), sizeof(T));
+    });
   }
 
   std::string_view rest_;

@@ -15,27 +15,12 @@ namespace infrasim {
 
 namespace {
 
-template <class T>
-void print_as(const char* at, std::string& out) {
-  T value;
-  std::memcpy(&value, at, sizeof(T));
-  char buffer[32];
-  out.append(buffer, std::to_chars(buffer, buffer + sizeof(buffer), value).ptr);
-}
-
-void print_value(const CloudField& f, const char* at, std::string& out) {
-  if (f.type == 'F') return f.size == 4 ? print_as<float>(at, out) : print_as<double>(at, out);
-  const bool is_signed = f.type == 'I';
-  switch (f.size) {
-    case 1:
-      return is_signed ? print_as<signed char>(at, out) : print_as<unsigned char>(at, out);
-    case 2:
-      return is_signed ? print_as<std::int16_t>(at, out) : print_as<std::uint16_t>(at, out);
-    case 4:
-      return is_signed ? print_as<std::int32_t>(at, out) : print_as<std::uint32_t>(at, out);
-    default:
-      return is_signed ? print_as<std::int64_t>(at, out) : print_as<std::uint64_t>(at, out);
-  }
+void print_value(const CloudField& field, const char* at, std::string& out) {
+  with_type(field, [&]<class T>(T value) {
+    std::memcpy(&value, at, sizeof(T));
+    char buffer[32];
+    out.append(buffer, std::to_chars(buffer, buffer + sizeof(buffer), value).ptr);
+  });
 }
 
 std::string ascii_rows(const CloudFile& cloud) {

@@ -165,15 +165,13 @@ void Caster::select(const Part& part) {
 void Caster::select_for_bodies(const Part& part) {
   ScannerUnit& scanner = part.scanner;
   const float spread = scanner.half_width();
-  const std::span<const std::uint32_t> order = tile_order(scanner, part.groups());
   selected_.clear();
-  for (std::size_t from = 0; from < order.size(); from += kPacketRays) {
-    const auto tile = order.subspan(from, std::min<std::size_t>(kPacketRays, order.size() - from));
+  for_each_packet(tile_order(scanner, part.groups()), [&](std::span<const std::uint32_t> tile) {
     ViewBounds view;
     for (const std::uint32_t i : tile) view.add_cone(rays_.dx[i], rays_.dy[i], rays_.dz[i], spread);
     if (raycaster_.bodies().any_in(view))
       selected_.insert(selected_.end(), tile.begin(), tile.end());
-  }
+  });
   if (loses_rays(part)) leave_out_lost(part, selected_);
 }
 

@@ -5,15 +5,6 @@
 
 namespace infrasim {
 
-namespace {
-
-template <class T>
-void copy_head(const std::vector<T>& from, std::vector<T>& to, std::size_t n) {
-  to.assign(from.begin(), from.begin() + static_cast<std::ptrdiff_t>(n));
-}
-
-}  // namespace
-
 void FrameBuilder::start() {
   size_ = 0;
   rays_ = 0;
@@ -36,17 +27,17 @@ void FrameBuilder::add_hit(const Return& r) {
 }
 
 void FrameBuilder::keep(std::span<const int> rows) {
+  PointCloud::for_each_column([&](auto column, std::size_t values) {
+    auto* to = (scratch_.*column).data();
+    const auto* from = to;
+    for (const int row : rows)
+      for (std::size_t v = 0; v < values; ++v)
+        *to++ = from[values * static_cast<std::size_t>(row) + v];
+  });
   size_ = 0;
   auto hit = hits_.begin(), kept = hits_.begin();
   for (const int row : rows) {
     const auto from = static_cast<std::size_t>(row);
-    std::copy_n(&scratch_.xyz[3 * from], 3, &scratch_.xyz[3 * size_]);
-    scratch_.intensity[size_] = scratch_.intensity[from];
-    scratch_.time[size_] = scratch_.time[from];
-    scratch_.ring[size_] = scratch_.ring[from];
-    scratch_.class_id[size_] = scratch_.class_id[from];
-    scratch_.object_id[size_] = scratch_.object_id[from];
-    scratch_.echo[size_] = scratch_.echo[from];
     while (hit != hits_.end() && hit->row < from) ++hit;
     if (hit != hits_.end() && hit->row == from) {
       *kept = *hit;
@@ -59,13 +50,10 @@ void FrameBuilder::keep(std::span<const int> rows) {
 
 PointCloud FrameBuilder::cloud() const {
   PointCloud cloud;
-  copy_head(scratch_.xyz, cloud.xyz, 3 * size_);
-  copy_head(scratch_.intensity, cloud.intensity, size_);
-  copy_head(scratch_.time, cloud.time, size_);
-  copy_head(scratch_.ring, cloud.ring, size_);
-  copy_head(scratch_.class_id, cloud.class_id, size_);
-  copy_head(scratch_.object_id, cloud.object_id, size_);
-  copy_head(scratch_.echo, cloud.echo, size_);
+  PointCloud::for_each_column([&](auto column, std::size_t values) {
+    const auto& all = scratch_.*column;
+    (cloud.*column).assign(all.data(), all.data() + values * size_);
+  });
   return cloud;
 }
 

@@ -11,11 +11,6 @@ namespace infrasim {
 
 namespace {
 
-template <class T>
-void append_column(std::vector<T>& to, const std::vector<T>& from) {
-  to.insert(to.end(), from.begin(), from.end());
-}
-
 /// Returns the object with the given id in a mount's frame, or null if there is none.
 const ObjectRecord* find_object(const Frame& frame, int id) {
   const auto entry = std::ranges::lower_bound(frame.objects, id, {}, &ObjectRecord::id);
@@ -79,20 +74,19 @@ MountConfig Fusion::seen_from_first(std::size_t mount) const {
 
 void Fusion::add_points(const Frame& frame, std::size_t mount, FusedFrame& out) const {
   PointCloud& to = out.frame.cloud;
-  const PointCloud& from = frame.cloud;
   const RigidTransform& transform = transforms_[mount];
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    const Vec3 p = transform.rotation_to_first *
-                       Vec3{from.xyz[3 * i], from.xyz[3 * i + 1], from.xyz[3 * i + 2]} +
-                   transform.origin_in_first;
-    for (const double v : {p.x, p.y, p.z}) to.xyz.push_back(static_cast<float>(v));
+  const std::size_t first = to.xyz.size();
+  PointCloud::for_each_column([&](auto column, std::size_t /*values*/) {
+    const auto& more = frame.cloud.*column;
+    (to.*column).insert((to.*column).end(), more.begin(), more.end());
+  });
+  for (float* xyz = to.xyz.data() + first; xyz != to.xyz.data() + to.xyz.size(); xyz += 3) {
+    const Vec3 p =
+        transform.rotation_to_first * Vec3{xyz[0], xyz[1], xyz[2]} + transform.origin_in_first;
+    xyz[0] = static_cast<float>(p.x);
+    xyz[1] = static_cast<float>(p.y);
+    xyz[2] = static_cast<float>(p.z);
   }
-  append_column(to.intensity, from.intensity);
-  append_column(to.time, from.time);
-  append_column(to.ring, from.ring);
-  append_column(to.class_id, from.class_id);
-  append_column(to.object_id, from.object_id);
-  append_column(to.echo, from.echo);
   out.mount.resize(to.size(), static_cast<std::uint16_t>(mount));
 }
 

@@ -13,22 +13,14 @@ namespace infrasim {
 
 Observer::Observer(const SceneConfig& scene, const std::string& mount, std::span<const int> frames,
                    double period_s)
-    : period_s_(period_s),
-      view_(scene_at_mount(scene, mount)),
-      mount_(view_.mounts.begin()->first) {
-  MountConfig& pose = view_.mounts[mount_];
-  pose.clock_offset_s.reset();
-  pose.own_random_stream.reset();
-  view_.static_layers.reset();
-  view_.filters.clear();
+    : period_s_(period_s) {
+  const SceneConfig view = scene_at_mount(scene, mount);
+  const auto& [name, pose] = *view.mounts.begin();
+  mount_ = name;
   site_ = std::make_shared<const Site>(checked_site(scene));
   region_.emplace(*site_, pose);
   const StateSource source(*site_);
-  const int count = frame_count(scene.duration_s, period_s);
-  for (const int k : frames)
-    if (k < 0 || k >= count)
-      throw ConfigError("frames: expected 0 to " + std::to_string(count - 1) + ", got " +
-                        std::to_string(k));
+  for (const int k : frames) check_frame(frame_count(scene.duration_s, period_s), k);
   const std::vector<bool> rows = rows_of_frames(frames, period_s, row_steps(scene.duration_s));
   const auto last = std::find(rows.rbegin(), rows.rend(), true);
   // Trajectory rows that the given frames do not need are dropped. `check` therefore finds frames
@@ -67,8 +59,10 @@ std::vector<std::vector<std::vector<Observation>>> Observer::observe(
       throw ConfigError(lidar.name + ": expected the observer's frame period of " +
                         config::number_text(period_s_) + " s, got " +
                         config::number_text(infrasim::period_s(lidar)) + " s");
-  SceneConfig scene = view_;
+  SceneConfig scene = site_->scene;
   scene.mounts = {{mount_, pose}};
+  scene.static_layers.reset();
+  scene.filters.clear();
   World world = build_world_at(scene, site_, meshes_, trajectories_);
   world.region = *region_;
   const auto none = std::make_shared<const std::vector<FilterStep>>();
@@ -90,7 +84,7 @@ std::vector<MovingObject> Observer::present(int frame) const {
 }
 
 void Observer::check(int frame) const {
-  const bool known = frame >= 0 && frame < frame_count(view_.duration_s, period_s_) &&
+  const bool known = frame >= 0 && frame < frame_count(site_->scene.duration_s, period_s_) &&
                      trajectories_->has(row_position(frame * period_s_)) &&
                      trajectories_->has(row_position((frame + 1) * period_s_));
   if (!known)

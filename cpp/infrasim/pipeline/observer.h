@@ -48,7 +48,6 @@ class Observer {
   void check(int frame) const;
 
   double period_s_;
-  SceneConfig view_;  ///< the scene at its mount
   std::string mount_;
   std::shared_ptr<const Site> site_;
   std::optional<EvaluationRegion> region_;

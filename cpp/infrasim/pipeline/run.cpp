@@ -46,45 +46,32 @@ void check_fuse(const RunRequest& request) {
   if (request.out.empty()) throw ConfigError("--fuse: expected --out, got none");
 }
 
-/// The parts of a run, each with its own folder: one per mount, and one for the fused frames.
-struct Parts {
-  std::vector<RunRequest> mounts;
-  std::optional<RunRequest> fused;
-
-  /// Returns all parts. The fused part is the last one.
-  std::vector<RunRequest> all() const {
-    std::vector<RunRequest> out = mounts;
-    if (fused) out.push_back(*fused);
-    return out;
-  }
-};
-
-Parts parts_of(const RunRequest& request, const std::vector<World>& worlds) {
+/// Returns the parts of a run, each with its own folder: one per mount, then one for the fused
+/// frames if these are requested.
+std::vector<RunRequest> parts_of(const RunRequest& request, const std::vector<World>& worlds) {
   const bool several = request.scene.mounts.size() > 1;
-  const auto part = [&](const SceneConfig& scene, const std::string& folder) {
-    RunRequest out = request;
-    out.scene = scene;
-    out.mount = folder;
-    if (!request.out.empty()) out.out /= folder;
-    return out;
+  std::vector<RunRequest> parts;
+  const auto add = [&](const SceneConfig& scene, const std::string& folder) {
+    RunRequest& part = parts.emplace_back(request);
+    part.scene = scene;
+    part.mount = folder;
+    if (!request.out.empty()) part.out /= folder;
   };
-  Parts parts;
   for (const World& world : worlds)
-    parts.mounts.push_back(several ? part(world.scene, world.scene.mounts.begin()->first)
-                                   : part(world.scene, ""));
-  if (request.fuse) parts.fused = part(request.scene, kFusedName);
+    add(world.scene, several ? world.scene.mounts.begin()->first : "");
+  if (request.fuse) add(request.scene, kFusedName);
   return parts;
 }
 
-void open_folders(const RunRequest& request, const Parts& parts, const std::vector<World>& worlds,
-                  const std::optional<Fusion>& fusion) {
+void open_folders(const RunRequest& request, const std::vector<RunRequest>& parts,
+                  const std::vector<World>& worlds, const std::optional<Fusion>& fusion) {
   if (request.out.empty()) return;
   const auto lone = request.out / "dataset.yaml";
   if (request.scene.mounts.size() > 1 && std::filesystem::exists(lone))
     throw IoError(lone.string() +
                   ": expected another folder, got one that holds a run of one mount");
-  for (std::size_t m = 0; m < worlds.size(); ++m) open_run_folder(parts.mounts[m], worlds[m]);
-  if (fusion) open_fused_folder(*parts.fused, worlds.front(), *fusion);
+  for (std::size_t m = 0; m < worlds.size(); ++m) open_run_folder(parts[m], worlds[m]);
+  if (fusion) open_fused_folder(parts.back(), worlds.front(), *fusion);
 }
 
 /// Returns, for each LiDAR, whether frame k is missing on disk.
@@ -94,13 +81,6 @@ std::vector<bool> missing(const RunRequest& part, int k) {
     out.push_back(part.out.empty() ||
                   !std::filesystem::exists(velodyne_file(part.out / lidar.name, k)));
   return out;
-}
-
-void write(const RunRequest& part, const std::filesystem::path& folder, int k, const Frame& frame) {
-  write_frame(folder, k, frame,
-              {.all_labels = part.scene.labels == LabelRule::kAll,
-               .label_time = label_time_of(part.scene, part.preset),
-               .point_fields = part.scene.point_fields});
 }
 
 FrameTally tally_of(const Frame& frame) {
@@ -113,24 +93,25 @@ using Tallies = std::vector<std::vector<FrameTally>>;
 /// Computes the files of one frame that are missing on disk, and queues them for writing.
 class FrameWork {
  public:
-  FrameWork(const Parts& parts, const std::optional<Fusion>& fusion, FrameWriter& writer)
+  FrameWork(const std::vector<RunRequest>& parts, const std::optional<Fusion>& fusion,
+            FrameWriter& writer)
       : parts_(parts), fusion_(fusion), writer_(writer) {}
 
   Tallies operator()(std::span<FrameSimulator> simulators, int k) const {
-    const std::size_t lidars = parts_.mounts.front().lidars.size();
+    const std::size_t lidars = parts_.front().lidars.size();
     const std::vector<bool> fuse =
-        parts_.fused ? missing(*parts_.fused, k) : std::vector<bool>(lidars, false);
+        fusion_ ? missing(parts_.back(), k) : std::vector<bool>(lidars, false);
     std::vector<std::vector<Frame>> frames;
     std::vector<std::vector<bool>> absent;
     Tallies tallies;
     for (std::size_t m = 0; m < simulators.size(); ++m) {
-      absent.push_back(missing(parts_.mounts[m], k));
-      tallies.push_back(at_mount(parts_.mounts[m], simulators[m], k, absent[m], fuse, frames));
+      absent.push_back(missing(parts_[m], k));
+      tallies.push_back(at_mount(parts_[m], simulators[m], k, absent[m], fuse, frames));
     }
-    if (parts_.fused) tallies.push_back(fused(frames, k, fuse));
+    if (fusion_) tallies.push_back(fused(frames, k, fuse));
     for (std::size_t m = 0; m < simulators.size(); ++m)
       for (std::size_t i = 0; i < lidars; ++i)
-        if (absent[m][i]) write_later(parts_.mounts[m], i, k, std::move(frames[m][i]));
+        if (absent[m][i]) write_later(parts_[m], i, k, std::move(frames[m][i]));
     return tallies;
   }
 
@@ -155,7 +136,7 @@ class FrameWork {
 
   std::vector<FrameTally> fused(const std::vector<std::vector<Frame>>& frames, int k,
                                 const std::vector<bool>& fuse) const {
-    const RunRequest& part = *parts_.fused;
+    const RunRequest& part = parts_.back();
     std::vector<FrameTally> tallies;
     for (std::size_t i = 0; i < fuse.size(); ++i) {
       std::vector<const Frame*> of_lidar;
@@ -180,11 +161,14 @@ class FrameWork {
     writer_.write([&part, folder = part.out / part.lidars[lidar].name, k, frame = std::move(frame),
                    mounts = std::move(mounts)] {
       if (mounts && part.scene.point_fields) write_point_mounts(folder, k, *mounts);
-      write(part, folder, k, frame);
+      write_frame(folder, k, frame,
+                  {.all_labels = part.scene.labels == LabelRule::kAll,
+                   .label_time = label_time_of(part.scene, part.preset),
+                   .point_fields = part.scene.point_fields});
     });
   }
 
-  const Parts& parts_;
+  const std::vector<RunRequest>& parts_;
   const std::optional<Fusion>& fusion_;
   FrameWriter& writer_;
 };
@@ -237,7 +221,7 @@ class Summaries {
   }
 
  private:
-  std::vector<RunRequest> parts_;
+  const std::vector<RunRequest>& parts_;
   std::vector<Summary> sums_;
 };
 
@@ -269,7 +253,7 @@ std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& s
   const std::vector<World> worlds =
       build_worlds(request.scene, mounts_of(request), frames, frame_s);
   for (const std::string& line : worlds.front().warnings) warn(line);
-  const Parts parts = parts_of(request, worlds);
+  const std::vector<RunRequest> parts = parts_of(request, worlds);
   std::optional<Fusion> fusion;
   if (request.fuse) fusion.emplace(request.scene, worlds, frame_s);
   open_folders(request, parts, worlds, fusion);
@@ -282,7 +266,7 @@ std::vector<SummaryRow> run(const RunRequest& request, const std::atomic<int>& s
                                 .stop = &stop,
                                 .cast_all = request.cast_all},
                                FrameWork(parts, fusion, writer));
-  Summaries summaries(parts.all());
+  Summaries summaries(parts);
   for (int done = 1; const auto frame = scheduler.next(); ++done) {
     summaries.add(frame->second);
     if (done == std::min<int>(kFramesToSeeOne, static_cast<int>(total)))

@@ -1,13 +1,12 @@
 #include "infrasim/pipeline/run_folder.h"
 
-#include <array>
 #include <cmath>
-#include <cstdio>
-#include <string_view>
+#include <ranges>
 
 #include "infrasim/config/fields.h"
 #include "infrasim/config/tree.h"
 #include "infrasim/core/errors.h"
+#include "infrasim/core/numbers.h"
 #include "infrasim/core/rng.h"
 #include "infrasim/core/version.h"
 #include "infrasim/io/data_set.h"
@@ -21,22 +20,13 @@ namespace infrasim {
 
 namespace {
 
-template <class T>
-std::string digest(const std::vector<T>& values) {
-  const std::string_view bytes(reinterpret_cast<const char*>(values.data()),
-                               values.size() * sizeof(T));
-  std::array<char, 17> text{};
-  std::snprintf(text.data(), text.size(), "%016llx",
-                static_cast<unsigned long long>(hash_name(bytes)));
-  return text.data();
-}
-
 /// Returns the line of dataset.yaml with a digest of the static surfaces, or an empty text if the
 /// scene uses no mesh files.
 std::string surfaces_text(const World& world) {
   if (!world.scene.meshes) return "";
   const TriangleMesh mesh = world.background();
-  return "surfaces: \"" + digest(mesh.vertices) + digest(mesh.triangles) + "\"\n";
+  return "surfaces: \"" + hex_text(hash_all(mesh.vertices)) + hex_text(hash_all(mesh.triangles)) +
+         "\"\n";
 }
 
 std::string run_text(const RunRequest& request, const World& world) {
@@ -105,11 +95,9 @@ std::string lidar_text(const LidarConfig& lidar) {
 std::string fused_text(const RunRequest& request, const World& first, const Fusion& fusion,
                        const LidarConfig& lidar) {
   const auto& mounts = request.scene.mounts;
-  std::string names;
-  for (const auto& [name, mount] : mounts) names += (names.empty() ? "" : ", ") + name;
   MountConfig level = mounts.begin()->second;
   level.pitch_deg = level.roll_deg = 0;
-  std::string text = lidar_text(lidar) + "mounts: [" + names + "]\n" +
+  std::string text = lidar_text(lidar) + "mounts: [" + listed(std::views::keys(mounts)) + "]\n" +
                      price_text(lidar, mounts.size()) + frames_text(first, lidar, level);
   const std::vector<FieldOfView> views = fields_of_view(lidar);
   for (std::size_t m = 0; m < mounts.size(); ++m)

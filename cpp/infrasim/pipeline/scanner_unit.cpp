@@ -4,16 +4,6 @@
 
 namespace infrasim {
 
-RayRange ScannerUnit::rays(int k, double from, double to) const {
-  return pattern.fired_between((k + from) * period_s, (k + to) * period_s);
-}
-
-Mat3 unit_pose(const SceneConfig& scene, const LidarUnit& unit) {
-  const MountConfig& mount = scene.mounts.begin()->second;
-  return rotation(0, rad(mount.pitch_deg), rad(mount.roll_deg)) *
-         rotation(rad(unit.yaw_deg), rad(unit.pitch_deg), 0);
-}
-
 namespace {
 
 /// @param unit       index in the LiDAR's units
@@ -25,6 +15,7 @@ ScannerUnit make_scanner_unit(const SceneConfig& scene, const LidarConfig& lidar
   const auto& [name, mount] = *scene.mounts.begin();
   const std::string mount_prefix =
       mount.own_random_stream.value_or(false) ? "mount " + name + " " : "";
+  const std::string unit_suffix = unit == 0 ? "" : "/" + std::to_string(unit);
   const auto& beam = config.returns.beam;
   const bool one_echo =
       !config.returns.echoes || config.returns.echoes->mode == EchoMode::kStrongest;
@@ -37,12 +28,22 @@ ScannerUnit make_scanner_unit(const SceneConfig& scene, const LidarConfig& lidar
       beam || !one_echo ? std::optional<Beam>(Beam(beam, pose)) : std::nullopt,
       static_cast<float>(config.returns.max_range_m),
       period_s(config.pattern),
-      Rng::of(scene.seed, stream_prefix + mount_prefix + stream_name(lidar, unit)),
+      Rng::of(scene.seed, stream_prefix + mount_prefix + lidar.name + unit_suffix),
       {},
       {}};
 }
 
 }  // namespace
+
+RayRange ScannerUnit::rays(int k, double from, double to) const {
+  return pattern.fired_between((k + from) * period_s, (k + to) * period_s);
+}
+
+Mat3 unit_pose(const SceneConfig& scene, const LidarUnit& unit) {
+  const MountConfig& mount = scene.mounts.begin()->second;
+  return rotation(0, rad(mount.pitch_deg), rad(mount.roll_deg)) *
+         rotation(rad(unit.yaw_deg), rad(unit.pitch_deg), 0);
+}
 
 std::vector<ScannerUnit> make_scanner_units(const SceneConfig& scene, const LidarConfig& lidar,
                                             const std::string& stream_prefix) {

@@ -240,7 +240,7 @@ void FrameSimulator::measure(StageTimes& times) { impl_->caster.measure(times); 
 
 std::vector<std::vector<Observation>> FrameSimulator::observe(int k) {
   Impl& m = *impl_;
-  check_frame(m.world, k, m.frame_s);
+  check_frame(m.world.frames(m.frame_s), k);
   m.caster.see_bodies_only();
   m.vehicles = set_vehicles(m.world, k, m.frame_s, m.reach, m.raycaster);
   for (Lidar& lidar : m.lidars) lidar.start();
@@ -255,7 +255,7 @@ std::vector<std::vector<Observation>> FrameSimulator::observe(int k) {
 
 std::vector<Frame> FrameSimulator::simulate(int k, const std::vector<bool>& wanted) {
   Impl& m = *impl_;
-  check_frame(m.world, k, m.frame_s);
+  check_frame(m.world.frames(m.frame_s), k);
   std::vector<std::size_t> asked;
   for (std::size_t i = 0; i < wanted.size(); ++i)
     if (wanted[i]) asked.push_back(i);

@@ -3,7 +3,6 @@
 #include <array>
 #include <bit>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <utility>
 
@@ -12,6 +11,7 @@
 #include "infrasim/core/classes.h"
 #include "infrasim/core/errors.h"
 #include "infrasim/core/files.h"
+#include "infrasim/core/numbers.h"
 #include "infrasim/core/rng.h"
 
 namespace infrasim {
@@ -26,20 +26,9 @@ constexpr std::array kMountKeys{"x_m", "y_m", "z_m", "yaw_deg", "pitch_deg", "ro
 constexpr std::int32_t kMostUnits = 1024, kMostGroups = 1 << 30, kMostMembers = 65535;
 constexpr std::size_t kRayBytes = 2 * sizeof(float) + sizeof(std::uint16_t);
 
-std::string hex(std::uint64_t value) {
-  std::array<char, 17> text{};
-  std::snprintf(text.data(), text.size(), "%016llx", static_cast<unsigned long long>(value));
-  return text.data();
-}
-
 template <class T>
 void put(std::string& bytes, const T& value) {
   bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
-}
-
-template <class T>
-std::uint64_t hash_all(const std::vector<T>& column) {
-  return hash_name({reinterpret_cast<const char*>(column.data()), column.size() * sizeof(T)});
 }
 
 template <class T>
@@ -193,7 +182,7 @@ StaticLayerFile static_layer_from_bytes(std::string_view bytes, const std::strin
   if (reader.left() > 0)
     reader.fail_here("expected the end of the file, got " + std::to_string(reader.left()) +
                      " bytes more");
-  return {name, hex(hash_name(bytes)), origin, std::move(units)};
+  return {name, hex_text(hash_name(bytes)), origin, std::move(units)};
 }
 
 StaticLayerFile read_static_layer(const std::filesystem::path& file) {
@@ -233,9 +222,10 @@ void check_is_of(const StaticLayerFile& file, std::span<const StaticHits> units,
           size_text(wanted), size_text(layer));
     check(layer.max_range_m == wanted.max_range_m, unit + ": max_range_m",
           config::number_text(wanted.max_range_m), config::number_text(layer.max_range_m));
-    check(layer.directions == wanted.directions, unit + ": directions",
-          hex(wanted.directions) + " (channels, cut angle, phase, pitch and roll of the mount)",
-          hex(layer.directions));
+    check(
+        layer.directions == wanted.directions, unit + ": directions",
+        hex_text(wanted.directions) + " (channels, cut angle, phase, pitch and roll of the mount)",
+        hex_text(layer.directions));
   }
 }
 

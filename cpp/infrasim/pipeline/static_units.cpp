@@ -4,8 +4,6 @@
 
 namespace infrasim {
 
-std::string words_of(const LidarConfig& lidar) { return lidar.name + ", preset " + lidar.preset; }
-
 namespace {
 
 /// @throws ConfigError, with the reason, for a LiDAR that can't have a static layer
@@ -26,6 +24,8 @@ void check_can_have_layer(const LidarConfig& lidar, std::span<const ScannerUnit>
 }
 
 }  // namespace
+
+std::string words_of(const LidarConfig& lidar) { return lidar.name + ", preset " + lidar.preset; }
 
 std::vector<StaticHits> units_without_hits(const LidarConfig& lidar,
                                            std::span<const ScannerUnit> scanners) {

@@ -89,7 +89,8 @@ class UnionOfRows {
                     " s it has object " + std::to_string(s.id) + " at x " + text(s.box.x) + ", y " +
                     text(s.box.y) + ", this run has " +
                     (exists ? "it at x " + text(there->box.x) + ", y " + text(there->box.y)
-                            : "no such object"));
+                            : "no such object") +
+                    "; use another folder");
     }
   }
 
@@ -117,17 +118,6 @@ bool has_text(const std::filesystem::path& file,
 
 constexpr std::size_t kPiece = 1 << 20;  // approximate number of bytes per write
 
-}  // namespace
-
-std::vector<bool> rows_of_run(const SceneConfig& scene, std::span<const int> frames,
-                              double period_s) {
-  const int steps = row_steps(scene.duration_s);
-  return scene.traffic ? rows_of_frames(frames, period_s, steps)
-                       : std::vector<bool>(static_cast<std::size_t>(steps) + 1, true);
-}
-
-namespace {
-
 void merge_rows(const std::filesystem::path& file, const World& world,
                 const std::vector<bool>& rows) {
   if (was_read(file))
@@ -137,7 +127,7 @@ void merge_rows(const std::filesystem::path& file, const World& world,
   const bool pitched = world.trajectories->pitched;
   if (exists && StoredRows(file).pitched() != pitched)
     throw IoError(file.string() + ":1: the folder holds another run: expected the column pitch " +
-                  (pitched ? "in both runs" : "in no run") + ", got it in one");
+                  (pitched ? "in both runs" : "in no run") + ", got it in one; use another folder");
   const UnionOfRows all(world, rows, exists ? file : "");
   const RowSource source = [&](const RowSink& sink) { all.each(sink); };
   const auto give = [&](const std::function<void(std::string_view)>& take) {
@@ -155,6 +145,13 @@ void merge_rows(const std::filesystem::path& file, const World& world,
 }
 
 }  // namespace
+
+std::vector<bool> rows_of_run(const SceneConfig& scene, std::span<const int> frames,
+                              double period_s) {
+  const int steps = row_steps(scene.duration_s);
+  return scene.traffic ? rows_of_frames(frames, period_s, steps)
+                       : std::vector<bool>(static_cast<std::size_t>(steps) + 1, true);
+}
 
 void merge_trajectories(const std::filesystem::path& file, const World& world,
                         const std::vector<bool>& rows) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <iterator>
 #include <numeric>
+#include <ranges>
 
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/core/math.h"
@@ -24,21 +25,15 @@ std::map<std::string, StaticLayerFile> read_static_layers(const SceneConfig& sce
   std::map<std::string, StaticLayerFile> layers;
   if (!scene.static_layers) return layers;
   for (const auto& [lidar, file] : *scene.static_layers) {
-    const StaticLayerFile layer = read_static_layer(scene.folder / file);
+    config::KeyPlace at = scene.static_layers_key;
+    if (!at.key.empty()) at.key += "." + lidar;
+    const StaticLayerFile layer =
+        config::read_named(at, [&] { return read_static_layer(scene.folder / file); });
     check_is_at(layer, scene.mounts.begin()->second);
     layers.emplace(lidar, layer);
   }
   return layers;
 }
-
-}  // namespace
-
-std::size_t body_index(Class object_class) {
-  return static_cast<std::size_t>(
-      std::ranges::find(kObjectClasses, object_class, &ObjectClass::id) - kObjectClasses.begin());
-}
-
-namespace {
 
 double clock_offset_s(const SceneConfig& view) {
   return view.mounts.begin()->second.clock_offset_s.value_or(0);
@@ -72,6 +67,11 @@ std::vector<std::string> findings_of(const Site& site, const Surface& surface,
 }
 
 }  // namespace
+
+std::size_t body_index(Class object_class) {
+  return static_cast<std::size_t>(
+      std::ranges::find(kObjectClasses, object_class, &ObjectClass::id) - kObjectClasses.begin());
+}
 
 std::vector<bool> rows_of_frames(std::span<const int> frames, double period_s, int steps) {
   std::vector<bool> rows(static_cast<std::size_t>(steps) + 1);
@@ -236,9 +236,8 @@ World build_world(const SceneConfig& scene, const std::string& mount) {
 }
 
 std::vector<std::string> mount_names(const SceneConfig& scene) {
-  std::vector<std::string> names;
-  for (const auto& [name, mount] : scene.mounts) names.push_back(name);
-  return names;
+  const auto names = std::views::keys(scene.mounts);
+  return {names.begin(), names.end()};
 }
 
 std::vector<Overlap> traffic_overlaps(SceneConfig scene) {
@@ -249,15 +248,14 @@ std::vector<Overlap> traffic_overlaps(SceneConfig scene) {
   return search.overlaps();
 }
 
-void check_frame(const World& world, int k, double period_s) {
-  const int frames = world.frames(period_s);
+void check_frame(int frames, int k) {
   if (k < 0 || k >= frames)
     throw ConfigError("frames: expected 0 to " + std::to_string(frames - 1) + ", got " +
                       std::to_string(k));
 }
 
 TriangleMesh frozen_mesh(const World& world, int k, double period_s, double share) {
-  check_frame(world, k, period_s);
+  check_frame(world.frames(period_s), k);
   TriangleMesh mesh = world.background();
   for (const MovingObject& o : world.objects_in_frame(k, period_s)) {
     const Box3d box = world.level.to_level(body_box(o.at(share)));

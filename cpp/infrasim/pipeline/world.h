@@ -124,8 +124,8 @@ std::vector<Overlap> traffic_overlaps(SceneConfig scene);
 /// Index of a class in SceneMeshes::bodies.
 std::size_t body_index(Class object_class);
 
-/// @throws ConfigError if the scene has no frame k
-void check_frame(const World& world, int k, double period_s);
+/// @throws ConfigError if a scene with this number of frames has no frame k
+void check_frame(int frames, int k);
 
 /// Returns all triangles of the scene in the levelled frame, at an instant given as a share of
 /// frame k.

@@ -8,6 +8,23 @@
 
 namespace infrasim {
 
+namespace {
+
+// m, maximum length of the pieces into which a segment is cut for the grid; the bounding boxes of
+// longer pieces would touch many squares
+constexpr double kGridPiece_m = 16;
+
+/// Returns the part of a segment, as shares from 0 to 1, whose coordinate lies between two limits.
+/// The part is empty if the first share is above the second one.
+std::pair<double, double> part_between(double from, double to, double low, double high) {
+  const double step = to - from;
+  if (step == 0) return from < low || from > high ? std::pair{1.0, 0.0} : std::pair{0.0, 1.0};
+  const auto [a, b] = std::minmax({(low - from) / step, (high - from) / step});
+  return {std::max(a, 0.0), std::min(b, 1.0)};
+}
+
+}  // namespace
+
 Curve::Curve(std::vector<CurvePoint> samples) : samples_(std::move(samples)) {
   s_.reserve(samples_.size());
   for (std::size_t i = 0; i < samples_.size(); ++i)
@@ -71,23 +88,6 @@ double Curve::tightest_radius() const {
   }
   return radius;
 }
-
-namespace {
-
-// m, maximum length of the pieces into which a segment is cut for the grid; the bounding boxes of
-// longer pieces would touch many squares
-constexpr double kGridPiece_m = 16;
-
-/// Returns the part of a segment, as shares from 0 to 1, whose coordinate lies between two limits.
-/// The part is empty if the first share is above the second one.
-std::pair<double, double> part_between(double from, double to, double low, double high) {
-  const double step = to - from;
-  if (step == 0) return from < low || from > high ? std::pair{1.0, 0.0} : std::pair{0.0, 1.0};
-  const auto [a, b] = std::minmax({(low - from) / step, (high - from) / step});
-  return {std::max(a, 0.0), std::min(b, 1.0)};
-}
-
-}  // namespace
 
 CurveGrid::CurveGrid(const Curve& curve, Vec2 low, Vec2 high, double reach_m)
     : low_(low), high_(high), reach_m_(reach_m) {

@@ -96,7 +96,9 @@ std::vector<LanePath> read_lanes(const std::filesystem::path& file) {
 }
 
 std::vector<LanePath> lanes_of(const SceneConfig& scene) {
-  return scene.lanes ? read_lanes(scene.folder / *scene.lanes) : std::vector<LanePath>{};
+  if (!scene.lanes) return {};
+  return config::read_named(scene.lanes_key,
+                            [&] { return read_lanes(scene.folder / *scene.lanes); });
 }
 
 std::vector<LaneLevel> lane_levels(std::span<const LanePath> lanes, Vec2 place) {

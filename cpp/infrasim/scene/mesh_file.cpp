@@ -45,7 +45,7 @@ std::vector<std::string> flat_triangles(const SceneConfig& scene) {
   if (!scene.meshes) return lines;
   for (const MeshConfig& mesh : *scene.meshes) {
     const std::filesystem::path file = scene.folder / mesh.file;
-    const PlySurface surface = read_ply(file);
+    const PlySurface surface = config::read_named(mesh.file_key, [&] { return read_ply(file); });
     const auto flat = [&](const auto& corners) { return is_flat(surface, corners); };
     const auto count = std::ranges::count_if(surface.triangles, flat);
     if (count == 0) continue;

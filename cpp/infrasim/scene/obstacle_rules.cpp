@@ -1,9 +1,11 @@
 #include "infrasim/scene/obstacle_rules.h"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 
 #include "infrasim/config/fields.h"
+#include "infrasim/core/classes.h"
 #include "infrasim/scene/people.h"
 #include "infrasim/scene/strips.h"
 
@@ -16,6 +18,28 @@ using config::number_text;
 constexpr double kPeopleBeside_m = 1.2;  // free width needed on each side of a line of people
 constexpr double kPeopleHeight_m = 2.5;  // free height needed over a line of people
 constexpr double kPeopleStep_m = 2;      // length of the boxes in which a line is checked
+constexpr int kMostShift_cm = 1000;      // maximum shift of parked vehicles that a message proposes
+
+/// Upright boxes, which other boxes must not overlap.
+class Obstacles {
+ public:
+  void add(const Box3d& box) {
+    index_.add(footprint(box), boxes_.size());
+    boxes_.push_back(box);
+  }
+  bool meet(const Box3d& box) const {
+    const auto outline = footprint(box);
+    return index_.any_near(outline, [&](std::size_t i) {
+      const Box3d& other = boxes_[i];
+      return std::abs(box.z - other.z) < (box.dz + other.dz) / 2 &&
+             footprints_overlap(outline, footprint(other));
+    });
+  }
+
+ private:
+  std::vector<Box3d> boxes_;
+  OutlineIndex index_;
+};
 
 class ObstacleRules {
  public:
@@ -74,37 +98,80 @@ class ObstacleRules {
                        " m above them, got " + (kind.empty() ? "an object" : kind) + " on a lane");
   }
 
-  /// Returns the boxes of all solid objects, including barriers and trunks, but not leaves.
-  std::vector<Box3d> solids() const {
-    std::vector<Box3d> solid;
-    for (const StaticBox& box : site_.boxes) solid.push_back(box.box);
+  /// Returns all solid objects, including barriers and trunks, but not leaves.
+  Obstacles solids() const {
+    Obstacles solid;
+    for (const StaticBox& box : site_.boxes) solid.add(box.box);
     for (const std::vector<Box3d>& pieces : site_.barriers)
-      solid.insert(solid.end(), pieces.begin(), pieces.end());
+      for (const Box3d& piece : pieces) solid.add(piece);
     return solid;
+  }
+
+  /// Describes a parked vehicle by its class and its size, which depends on the seed.
+  std::string described(const ObjectState& vehicle) const {
+    const auto metres = [](double m) { return number_text(std::round(100 * m) / 100); };
+    return "a " + std::string(class_of(vehicle.object_class).name) + " " + metres(vehicle.box.dx) +
+           " m long and " + metres(vehicle.box.dy) + " m wide with seed " +
+           std::to_string(site_.scene.seed);
+  }
+
+  /// Returns how far a parked vehicle must be moved away from its road's centreline to be beside
+  /// the lanes, or kMostShift_cm if that is not enough.
+  int needed_shift_cm(Box3d box, const ParkedConfig& row) const {
+    const Curve& line = road_named(site_.scene, site_.centrelines, row.road, row.place).centreline;
+    const double heading = line.at(line.project({box.x, box.y})).heading;
+    const Vec2 step = (row.offset_m < 0 ? -0.01 : 0.01) * heading_vector(heading + kPi / 2);
+    int cm = 0;
+    for (; cm < kMostShift_cm && stands_on_lane(box); ++cm) {
+      box.x += step.x;
+      box.y += step.y;
+    }
+    return cm;
+  }
+
+  /// Reports a row of parked vehicles on a lane, with the offset that the row needs.
+  /// @param first the first vehicle of the row that is on a lane
+  [[noreturn]] void fail_on_lane(const ParkedVehicle& first) const {
+    SceneConfig scene = site_.scene;
+    ParkedConfig& row = (*scene.parked)[first.row];
+    const ParkedConfig given = row;
+    std::string outermost;
+    // A row is parked again at each offset, because its vehicles move along a bend.
+    while (std::abs(row.offset_m) <= std::abs(given.offset_m) + kMostShift_cm / 100.0) {
+      int most_cm = 0;
+      for (const ParkedVehicle& vehicle : parked_vehicles(scene, site_.centrelines)) {
+        const int cm = vehicle.row == first.row ? needed_shift_cm(vehicle.state.box, row) : 0;
+        if (cm <= most_cm) continue;
+        most_cm = cm;
+        outermost = described(vehicle.state);
+      }
+      if (most_cm == 0)
+        config::fail(given.place, "offset_m",
+                     "expected " + number_text(std::abs(row.offset_m)) +
+                         " m or more from the centreline for " + outermost + ", got " +
+                         number_text(given.offset_m));
+      row.offset_m = std::copysign(std::ceil(100 * std::abs(row.offset_m) + most_cm - 1e-6) / 100,
+                                   row.offset_m);
+    }
+    const Box3d& box = first.state.box;
+    config::fail(given.place, "offset_m",
+                 "expected beside the lanes or " + number_text(kClearance_m) +
+                     " m above them, got " + described(first.state) + " on a lane near " +
+                     at_text({box.x, box.y}));
   }
 
   /// Checks that parked vehicles are beside the lanes and do not overlap with other objects.
   void check_parked() const {
     if (site_.parked.empty()) return;
-    std::vector<Box3d> solid = solids();
-    OutlineIndex index;
-    for (std::size_t i = 0; i < solid.size(); ++i) index.add(footprint(solid[i]), i);
-    for (const auto& [vehicle, place] : site_.parked) {
-      const Box3d& box = vehicle.box;
-      check_beside_lanes(box, place, "offset_m", "a parked vehicle");
-      const auto outline = footprint(box);
-      const auto shares_place = [&](std::size_t i) {
-        const Box3d& other = solid[i];
-        return std::abs(box.z - other.z) < (box.dz + other.dz) / 2 &&
-               footprints_overlap(outline, footprint(other));
-      };
-      if (index.any_near(outline, shares_place))
-        config::fail(
-            place, "offset_m",
-            "expected free ground, got a parked vehicle that overlaps another object near " +
-                at_text({box.x, box.y}));
-      index.add(outline, solid.size());
-      solid.push_back(box);
+    Obstacles solid = solids();
+    for (const ParkedVehicle& vehicle : site_.parked) {
+      const Box3d& box = vehicle.state.box;
+      if (stands_on_lane(box)) fail_on_lane(vehicle);
+      if (solid.meet(box))
+        config::fail((*site_.scene.parked)[vehicle.row].place, "offset_m",
+                     "expected free ground, got " + described(vehicle.state) +
+                         " that overlaps another object near " + at_text({box.x, box.y}));
+      solid.add(box);
     }
   }
 
@@ -113,34 +180,20 @@ class ObstacleRules {
   void check_people() const {
     const SceneConfig& scene = site_.scene;
     if (!scene.people && !scene.standing_people) return;
-    std::vector<Box3d> solid = solids();
-    for (const ParkedVehicle& vehicle : site_.parked) solid.push_back(vehicle.state.box);
-    OutlineIndex index;
-    for (std::size_t i = 0; i < solid.size(); ++i) index.add(footprint(solid[i]), i);
-    const auto is_taken = [&](const Box3d& box) {
-      const auto outline = footprint(box);
-      return index.any_near(outline, [&](std::size_t i) {
-        const Box3d& other = solid[i];
-        return std::abs(box.z - other.z) < (box.dz + other.dz) / 2 &&
-               footprints_overlap(outline, footprint(other));
-      });
-    };
-    const auto take = [&](const Box3d& box) {
-      index.add(footprint(box), solid.size());
-      solid.push_back(box);
-    };
+    Obstacles solid = solids();
+    for (const ParkedVehicle& vehicle : site_.parked) solid.add(vehicle.state.box);
     for (const PeopleConfig& row : scene.people.value_or(std::vector<PeopleConfig>{})) {
       const std::vector<Box3d> way = free_way(row);
       for (const Box3d& box : way) {
         if (scene.traffic) check_beside_lanes(box, row.place, "offset_m", "people");
-        if (is_taken(box))
+        if (solid.meet(box))
           config::fail(
               row.place, "offset_m",
               "expected " + number_text(kPeopleBeside_m) +
                   " m of free ground on both sides of the line, got an object in the way near " +
                   at_text({box.x, box.y}));
       }
-      for (const Box3d& box : way) take(box);
+      for (const Box3d& box : way) solid.add(box);
     }
     for (const StandingPeopleConfig& group :
          scene.standing_people.value_or(std::vector<StandingPeopleConfig>{})) {
@@ -148,18 +201,18 @@ class ObstacleRules {
       const Box3d box{group.x_m,       group.y_m, group.base_m + kPeopleHeight_m / 2, side, side,
                       kPeopleHeight_m, 0};
       if (scene.traffic) check_beside_lanes(box, group.place, "x_m", "standing people");
-      if (is_taken(box))
+      if (solid.meet(box))
         config::fail(group.place, "x_m",
                      "expected free ground within " + number_text(radius_of(group)) +
                          " m of the group's centre, got another object there");
-      take(box);
+      solid.add(box);
     }
   }
 
   /// The free space that a row of pedestrians or cyclists needs, in pieces of 2 m.
   std::vector<Box3d> free_way(const PeopleConfig& row) const {
     const Road road = road_named(site_.scene, site_.centrelines, row.road, row.place);
-    const Curve line = people_line(road.centreline, row);
+    const Curve line = line_beside(road.centreline, row);
     const double z = road.config.elevation_m;
     std::vector<Box3d> boxes;
     for (double s = 0; s < line.length(); s += kPeopleStep_m) {

@@ -62,17 +62,15 @@ double Vec2::* longer_axis(const std::vector<Extent>& extents) {
 }  // namespace
 
 void OverlapSearch::take(const std::vector<ObjectState>& states) {
-  window_.rows.push_back(states);
-  if (window_.rows.size() > 2) window_.rows.erase(window_.rows.begin());
   const double time_s = instants_++ * kRowStep_s;
   std::vector<std::pair<int, Box3d>> boxes;
-  if (window_.rows.size() == 2) {
-    for (const MovingObject& o : window_.in_step(0)) boxes.emplace_back(o.id, o.at(0.5));
-    look(boxes, time_s - kRowStep_s / 2);
-    boxes.clear();
-  }
+  for (const MovingObject& o : objects_between(before_, states))
+    boxes.emplace_back(o.id, o.at(0.5));
+  look(boxes, time_s - kRowStep_s / 2);
+  boxes.clear();
   for (const ObjectState& s : states) boxes.emplace_back(s.id, s.box);
   look(boxes, time_s);
+  before_ = states;
 }
 
 void OverlapSearch::look(const std::vector<std::pair<int, Box3d>>& boxes, double time_s) {

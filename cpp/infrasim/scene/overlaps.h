@@ -32,7 +32,7 @@ class OverlapSearch {
  private:
   void look(const std::vector<std::pair<int, Box3d>>& boxes, double time_s);
 
-  Trajectories window_;  ///< the last two instants
+  std::vector<ObjectState> before_;  ///< objects of the previous instant
   int instants_ = 0;
   std::set<std::pair<int, int>> pairs_;
   std::vector<Overlap> overlaps_;

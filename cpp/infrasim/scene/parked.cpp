@@ -19,19 +19,14 @@ constexpr std::size_t kMost =
 // number of the first random sample after those of class and size
 constexpr unsigned kAfterParkedSize = 7;
 
-/// The line through the centres of a row's vehicles.
-Curve line_of(const Curve& whole, const ParkedConfig& row) {
-  const double to = std::min(row.to_m, whole.length());
-  if (row.from_m >= to)
-    config::fail(row.place, "from_m",
-                 "expected a value before to_m and the road's end, got one beyond");
-  return whole.part(row.from_m, to).offset(row.offset_m);
-}
-
 class Row {
  public:
-  Row(const Road& road, const ParkedConfig& config, Rng rng)
-      : config_(config), rng_(rng), line_(line_of(road.centreline, config)), road_(road.config) {}
+  Row(const Road& road, const ParkedConfig& config, std::size_t index, Rng rng)
+      : config_(config),
+        index_(index),
+        rng_(rng),
+        line_(line_beside(road.centreline, config)),
+        road_(road.config) {}
 
   void append_to(std::vector<ParkedVehicle>& out) const {
     double s = 0;
@@ -50,7 +45,7 @@ class Row {
                        "expected at most " + std::to_string(kMost) +
                            " parked vehicles up to this row, got more");
         const int id = kFirstParkedId + static_cast<int>(out.size());
-        out.push_back({state(id, kind, size, s + taken / 2, turn, rng), config_.place});
+        out.push_back({state(id, kind, size, s + taken / 2, turn, rng), index_});
       }
       s += taken + config_.gap_m * (0.6 + 0.8 * rng.uniform(kAfterParkedSize + 2));
     }
@@ -70,8 +65,9 @@ class Row {
   }
 
   const ParkedConfig& config_;
+  std::size_t index_;  ///< position in the list of rows
   Rng rng_;
-  Curve line_;
+  Curve line_;  ///< line through the centres of the vehicles
   const RoadConfig& road_;
 };
 
@@ -84,7 +80,7 @@ std::vector<ParkedVehicle> parked_vehicles(const SceneConfig& scene,
   const Rng rng = Rng::of(scene.seed, "parked");
   for (std::size_t i = 0; i < scene.parked->size(); ++i) {
     const ParkedConfig& row = (*scene.parked)[i];
-    Row(road_named(scene, centrelines, row.road, row.place), row, rng.at(i + 1)).append_to(out);
+    Row(road_named(scene, centrelines, row.road, row.place), row, i, rng.at(i + 1)).append_to(out);
   }
   return out;
 }

@@ -12,10 +12,10 @@ namespace infrasim {
 /// smallest id of parked vehicles, larger than the ids of traffic
 inline constexpr int kFirstParkedId = 1'000'000'000;
 
-/// A vehicle parked for the whole run, and the position of its entry in the scene file.
+/// A vehicle parked for the whole run.
 struct ParkedVehicle {
   ObjectState state;
-  config::Place place;
+  std::size_t row = 0;  ///< index of its entry in the list `parked` of the scene
 };
 
 /// All parked vehicles of a scene, by increasing id, sampled from its seed. Each row is filled from

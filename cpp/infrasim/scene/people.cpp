@@ -43,18 +43,10 @@ struct PeopleRow::Walk {
   double left = 0;      ///< offset to the left of the line, m
 };
 
-Curve people_line(const Curve& centreline, const PeopleConfig& row) {
-  const double to = std::min(row.to_m, centreline.length());
-  if (row.from_m >= to)
-    config::fail(row.place, "from_m",
-                 "expected a value before to_m and the road's end, got one beyond");
-  return centreline.part(row.from_m, to).offset(row.offset_m);
-}
-
 PeopleRow::PeopleRow(const Road& road, const PeopleConfig& row, const Rng& rng)
     : object_class_(&object_class_of(row.kind)),
       elevation_m_(road.config.elevation_m),
-      line_(people_line(road.centreline, row)) {
+      line_(line_beside(road.centreline, row)) {
   const double way = std::max(2 * kShortestWay * object_class_->length_m.mean,
                               2 * kMakesWay_s * fastest_of(row.speed));
   beyond_m_ = way + 2 * object_class_->length_m.mean + kAhead_m;

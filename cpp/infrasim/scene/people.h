@@ -16,11 +16,6 @@ inline constexpr int kFirstPersonId = 1'500'000'000;
 /// smallest id of standing people, larger than the ids of walking pedestrians and cyclists
 inline constexpr int kFirstStandingPersonId = 2'000'000'000;
 
-/// The line of a row of pedestrians or cyclists, from one end to the other.
-/// @param centreline centreline of the road that the row names
-/// @throws ConfigError for a row that begins beyond the road's end
-Curve people_line(const Curve& centreline, const PeopleConfig& row);
-
 /// Radius of the circle that contains the bodies of a standing group.
 double radius_of(const StandingPeopleConfig& group);
 
@@ -44,7 +39,7 @@ struct Person {
 /// functions of time only.
 class PeopleRow {
  public:
-  /// @throws the exceptions of people_line
+  /// @throws ConfigError for a row that begins beyond the road's end
   PeopleRow(const Road& road, const PeopleConfig& row, const Rng& rng);
 
   std::size_t size() const { return people_.size(); }

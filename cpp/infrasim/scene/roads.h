@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <span>
 #include <string>
 #include <vector>
@@ -34,5 +35,23 @@ struct Road {
 /// @throws ConfigError if the name is unknown
 Road road_named(const SceneConfig& scene, std::span<const Curve> centrelines,
                 const std::string& name, const config::Place& place);
+
+/// Returns where a row along a road ends: at its `to_m` or at the road's end.
+/// @throws ConfigError for a row that starts there or beyond
+template <class Row>
+double end_of(const Curve& centreline, const Row& row) {
+  const double to = std::min(row.to_m, centreline.length());
+  if (row.from_m >= to)
+    config::fail(row.place, "from_m",
+                 "expected a value before to_m and the road's end, got one beyond");
+  return to;
+}
+
+/// Returns the line of a row along a road, from one end to the other.
+/// @throws ConfigError for a row that starts beyond its end
+template <class Row>
+Curve line_beside(const Curve& centreline, const Row& row) {
+  return centreline.part(row.from_m, end_of(centreline, row)).offset(row.offset_m);
+}
 
 }  // namespace infrasim

@@ -245,10 +245,6 @@ double height_above_surface(const Site& site, Vec2 foot, double z) {
   return z - (std::isfinite(under) ? under : lowest);
 }
 
-void check_sensor(const Site& site) {
-  for (const auto& [name, mount] : site.scene.mounts) check_sensor_at(site, name, mount);
-}
-
 void check_sensor_at(const Site& site, const std::string& name, const MountConfig& mount) {
   // The rules use the heights of the scene file, before the profile raises the scene.
   const double rise = site.profile.rise({mount.x_m, mount.y_m});

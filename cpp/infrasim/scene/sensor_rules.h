@@ -10,9 +10,6 @@ namespace infrasim {
 
 /// @throws ConfigError for a sensor inside the ground or an object, in the path of vehicles on a
 ///   lane, or too far from or too high above all roads, lanes and ground
-void check_sensor(const Site& site);
-/// Like check_sensor, for a mount that need not be in the site's scene.
-/// @throws the exceptions of check_sensor
 void check_sensor_at(const Site& site, const std::string& name, const MountConfig& mount);
 
 /// Returns the height of a point above the highest road, lane or ground that lies below it within

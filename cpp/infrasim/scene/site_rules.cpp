@@ -160,15 +160,11 @@ class RoadRules {
 
 }  // namespace
 
-void check_site(const Site& site) {
-  RoadRules(site).check();
-  check_obstacles(site);
-  check_sensor(site);
-}
-
 Site checked_site(const SceneConfig& scene) {
   Site site = build_site(scene);
-  check_site(site);
+  RoadRules(site).check();
+  check_obstacles(site);
+  for (const auto& [name, mount] : scene.mounts) check_sensor_at(site, name, mount);
   return site;
 }
 

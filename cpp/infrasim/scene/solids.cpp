@@ -7,16 +7,12 @@
 
 namespace infrasim {
 
-namespace {
-
 std::uint32_t add_vertex(TriangleMesh& mesh, Vec3 p) {
   mesh.vertices.push_back(
       {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
   return static_cast<std::uint32_t>(mesh.vertices.size() - 1);
 }
 
-/// Adds the triangles between two closed lines of n vertices each. The lines begin at the vertices
-/// a and b.
 void join(TriangleMesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t n) {
   for (std::uint32_t i = 0; i < n; ++i) {
     const std::uint32_t j = (i + 1) % n;
@@ -24,8 +20,6 @@ void join(TriangleMesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t n)
     mesh.triangles.push_back({a + i, b + j, a + j});
   }
 }
-
-}  // namespace
 
 void add_ellipsoid(TriangleMesh& mesh, const Ellipsoid& e, int bands, int sectors) {
   // `tall` is the area of a polygon in a half circle, relative to the half circle. `round` is the

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+
 #include "infrasim/core/geometry.h"
 #include "infrasim/core/triangle_mesh.h"
 
@@ -28,6 +30,13 @@ void add_ring(TriangleMesh& mesh, Vec3 centre, double radius, double depth, doub
 /// Adds a straight bar with `sides` sides, given by the centres of its ends. The bar must not be
 /// parallel to z.
 void add_bar(TriangleMesh& mesh, Vec3 from, Vec3 to, double radius, int sides);
+
+/// Adds a vertex and returns its number.
+std::uint32_t add_vertex(TriangleMesh& mesh, Vec3 p);
+
+/// Adds the triangles between two closed lines of n vertices each. The lines begin at the vertices
+/// a and b.
+void join(TriangleMesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t n);
 
 /// Returns the body moved and scaled to the unit box [-0.5, 0.5]^3, so that it touches all six
 /// faces.

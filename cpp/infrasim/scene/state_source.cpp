@@ -11,11 +11,13 @@ namespace {
 
 Trajectories load_recorded(const SceneConfig& scene) {
   const std::filesystem::path file = scene.folder / scene.trajectories;
-  if (!std::filesystem::exists(file))
-    throw IoError(file.string() +
-                  ": can't be read: not there; `pyinfra site traffic` or `pyinfra site "
-                  "trajectories` writes the file of a site");
-  Trajectories trajectories = read_trajectories(file);
+  Trajectories trajectories = config::read_named(scene.trajectories_key, [&] {
+    if (!std::filesystem::exists(file))
+      throw IoError(file.string() +
+                    ": can't be read: not there; `pyinfra site traffic` or `pyinfra site "
+                    "trajectories` writes the file of a site");
+    return read_trajectories(file);
+  });
   const int steps = row_steps(scene.duration_s);
   if (!trajectories.rows.empty() && trajectories.steps() < steps)
     throw ConfigError(file.string() + ": t: expected at least the scene's duration_s of " +
@@ -66,21 +68,14 @@ StateSource::StateSource(const Site& site) : site_(site) {
 }
 
 void StateSource::each(const StateSink& sink) const {
-  each(sink, row_steps(site_.scene.duration_s) + 1);
-}
-
-void StateSource::each(const StateSink& sink, int instants) const {
   StateSteps steps(*this);
-  for (int k = 0; k < instants; ++k) sink(steps.next());
+  for (int k = 0; k <= row_steps(site_.scene.duration_s); ++k)
+    sink(with_standing(steps.next_moving(), standing_));
 }
 
 StateSteps::StateSteps(const StateSource& source)
     : source_(source), people_(source.site_.scene, source.site_.centrelines) {
   if (source.site_.scene.traffic) traffic_.emplace(source.site_);
-}
-
-std::vector<ObjectState> StateSteps::next() {
-  return with_standing(next_moving(), source_.standing());
 }
 
 std::vector<ObjectState> StateSteps::next_moving() {

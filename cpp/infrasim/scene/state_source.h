@@ -26,10 +26,8 @@ class StateSource {
   const std::vector<ObjectState>& standing() const { return standing_; }
   /// Returns whether objects may have a pitch. Their tables then have a column for the pitch.
   bool pitched() const { return site_.scene.profile || (recorded_ && recorded_->pitched); }
-  /// Passes the states of all instants to `sink`.
+  /// Passes the states of all instants to `sink`, with the standing objects.
   void each(const StateSink& sink) const;
-  /// Passes the states of the first `instants` instants to `sink`.
-  void each(const StateSink& sink, int instants) const;
 
  private:
   friend class StateSteps;
@@ -47,8 +45,6 @@ class StateSteps {
 
   /// The states of the next instant, by increasing id, without the source's standing objects.
   std::vector<ObjectState> next_moving();
-  /// The states of the next instant, by increasing id, with the standing objects.
-  std::vector<ObjectState> next();
 
  private:
   const StateSource& source_;

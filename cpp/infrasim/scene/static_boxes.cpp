@@ -48,10 +48,7 @@ std::vector<StaticBox> static_boxes(const SceneConfig& scene, std::span<const Cu
 std::vector<Box3d> barrier_pieces(const Road& road, const BarrierConfig& barrier,
                                   double longest_m) {
   const Curve& line = road.centreline;
-  const double to = std::min(barrier.to_m, line.length());
-  if (barrier.from_m >= to)
-    config::fail(barrier.place, "from_m",
-                 "expected a value before to_m and the road's end, got one beyond");
+  const double to = end_of(line, barrier);
   std::vector<Box3d> out;
   for (double s = barrier.from_m; s < to; s += longest_m) {
     const double length = std::min(longest_m, to - s);

@@ -146,7 +146,9 @@ Surface build_static_surface(const Site& site) {
   for (const BarrierConfig& barrier : scene.barriers) add_barrier(mesh, site, barrier);
   if (scene.meshes)
     for (const MeshConfig& row : *scene.meshes)
-      mesh.surface(read_ply(scene.folder / row.file), static_cast<Class>(row.material));
+      mesh.surface(
+          config::read_named(row.file_key, [&] { return read_ply(scene.folder / row.file); }),
+          static_cast<Class>(row.material));
   for (const StaticBox& solid : site.boxes) mesh.box(solid.box, Class::kStructure);
   return mesh.take(site.profile);
 }

@@ -1,9 +1,9 @@
 #pragma once
 
-#include <memory>
-
 #include "infrasim/scene/site.h"
-#include "infrasim/scene/trajectories.h"
+#include "infrasim/scene/traffic_population.h"
+#include "infrasim/scene/traffic_signals.h"
+#include "infrasim/scene/traffic_state.h"
 
 namespace infrasim {
 
@@ -18,22 +18,23 @@ class TrafficSteps {
   /// @param site must outlive this object
   /// @throws ConfigError if vehicles of a class do not fit the lanes
   explicit TrafficSteps(const Site& site);
-  ~TrafficSteps();
-  TrafficSteps(TrafficSteps&&) noexcept;
+  TrafficSteps(const TrafficSteps&) = delete;
+  TrafficSteps& operator=(const TrafficSteps&) = delete;
 
   /// Returns the vehicles at the next instant, which is 0.1 s after the previous one. States are
   /// rounded to the digits of the trajectory file. The first call also simulates the warm-up.
   std::vector<ObjectState> next();
 
  private:
-  class Impl;
-  std::unique_ptr<Impl> impl_;
-};
+  void step();
+  void drive();
+  void move_between_lanes();
 
-/// Simulates the traffic for the scene's duration; passes the vehicles of each instant to `sink`.
-/// @throws ConfigError if vehicles of a class do not fit the lanes
-void simulate_traffic(const Site& site, const StateSink& sink);
-/// Simulates the traffic for the scene's duration and returns the vehicles of all instants.
-Trajectories simulate_traffic(const Site& site);
+  double warm_up_s_;
+  bool started_ = false;
+  TrafficState state_;
+  TrafficSignals signals_;
+  TrafficPopulation population_;
+};
 
 }  // namespace infrasim

@@ -77,7 +77,6 @@ struct Trajectories {
   std::vector<ObjectState> standing = {};
 
   int steps() const { return static_cast<int>(rows.size()) - 1; }
-  bool whole() const { return kept.empty(); }
   /// Returns whether the rows around a fractional row number are present.
   bool has(double position) const;
   /// States at a fractional row number, without the standing objects.
@@ -86,8 +85,6 @@ struct Trajectories {
   /// Objects that exist from the fractional row number `from` to `to`, with the standing objects.
   /// @throws std::logic_error if one of the required rows is missing
   std::vector<MovingObject> between(double from, double to) const;
-  /// Objects that exist from row k to row k + 1.
-  std::vector<MovingObject> in_step(int k) const { return between(k, k + 1); }
 };
 
 /// Adds standing objects to moving objects. The two inputs and the result are sorted by id.

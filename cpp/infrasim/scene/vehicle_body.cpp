@@ -4,6 +4,7 @@
 #include <span>
 
 #include "infrasim/scene/person_body.h"
+#include "infrasim/scene/solids.h"
 
 namespace infrasim {
 
@@ -105,42 +106,24 @@ Outline rounded_half(const Outline& corners, int points) {
 class Loft {
  public:
   void add(double x, const Outline& half) {
-    ring_ = 2 * half.size();
-    for (const Vec2& p : half) vertex(x, p.x, p.y);
-    for (auto p = half.rbegin(); p != half.rend(); ++p) vertex(x, -p->x, p->y);
-    if (++rings_ > 1) join();
+    for (const Vec2& p : half) add_vertex(mesh_, {x, p.x, p.y});
+    for (auto p = half.rbegin(); p != half.rend(); ++p) add_vertex(mesh_, {x, -p->x, p->y});
+    if (ring_ > 0) join(mesh_, last_, last_ + ring_, ring_);
+    ring_ = static_cast<std::uint32_t>(2 * half.size());
+    last_ = static_cast<std::uint32_t>(mesh_.vertices.size()) - ring_;
   }
 
   TriangleMesh close() {
-    cap(0, true);
-    cap((rings_ - 1) * ring_, false);
+    for (std::uint32_t i = 1; i + 1 < ring_; ++i) mesh_.triangles.push_back({0, i, i + 1});
+    for (std::uint32_t i = 1; i + 1 < ring_; ++i)
+      mesh_.triangles.push_back({last_, last_ + i + 1, last_ + i});
     return std::move(mesh_);
   }
 
  private:
-  void vertex(double x, double y, double z) {
-    mesh_.vertices.push_back({static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)});
-  }
-  void triangle(std::size_t a, std::size_t b, std::size_t c) {
-    mesh_.triangles.push_back({static_cast<std::uint32_t>(a), static_cast<std::uint32_t>(b),
-                               static_cast<std::uint32_t>(c)});
-  }
-  void join() {
-    const std::size_t b = (rings_ - 1) * ring_, a = b - ring_;
-    for (std::size_t i = 0; i < ring_; ++i) {
-      const std::size_t j = (i + 1) % ring_;
-      triangle(a + i, b + i, b + j);
-      triangle(a + i, b + j, a + j);
-    }
-  }
-  void cap(std::size_t first, bool rear) {
-    for (std::size_t i = 1; i + 1 < ring_; ++i)
-      rear ? triangle(first, first + i, first + i + 1) : triangle(first, first + i + 1, first + i);
-  }
-
   TriangleMesh mesh_;
-  std::size_t ring_ = 0;
-  std::size_t rings_ = 0;
+  std::uint32_t ring_ = 0;  ///< number of vertices of a cross-section
+  std::uint32_t last_ = 0;  ///< first vertex of the last cross-section
 };
 
 TriangleMesh unit_box() {

@@ -32,10 +32,6 @@ void check_rows(const LidarConfig& lidar, int frames) {
 
 }  // namespace
 
-std::string stream_name(const LidarConfig& lidar, std::size_t unit) {
-  return unit == 0 ? lidar.name : lidar.name + "/" + std::to_string(unit);
-}
-
 double start_phase_s(std::uint64_t seed, const std::string& mount, const LidarConfig& lidar,
                      std::size_t unit) {
   if (motor_phase(lidar.units[unit].pattern) == MotorPhase::kLocked) return 0;

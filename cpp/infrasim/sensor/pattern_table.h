@@ -11,9 +11,6 @@
 
 namespace infrasim {
 
-/// Name of the random stream of one unit of a LiDAR.
-std::string stream_name(const LidarConfig& lidar, std::size_t unit);
-
 inline constexpr const char* kUsualMount = "pole";  // name of the mount in the catalogue's scenes
 
 /// Returns the time by which the motors of a LiDAR's unit are ahead of their locked phase. The time

@@ -3,10 +3,33 @@
 #include <string>
 
 #include "infrasim/config/fields.h"
+#include "infrasim/config/key_list.h"
+#include "infrasim/config/scene_config.h"
 
-// Functions that visit keys which several configuration structs share.
+// Functions that visit the keys of a scene file. The template parameter Fields is FieldReader,
+// FieldWriter or FieldLister.
 
 namespace infrasim {
+
+/// Visits the keys of an entry of `filters`.
+template <class Fields>
+void visit(Fields& f, FilterConfig& c);
+
+/// Visits the keys `lanes`, `roads` and `profile`.
+template <class Fields>
+void visit_ways(Fields& f, SceneConfig& c);
+
+/// Visits the key `junctions`.
+template <class Fields>
+void visit_junctions(Fields& f, SceneConfig& c);
+
+/// Visits the keys from `meshes` to `vegetation`.
+template <class Fields>
+void visit_static_objects(Fields& f, SceneConfig& c);
+
+/// Visits the keys from `traffic` to `trajectories`.
+template <class Fields>
+void visit_traffic(Fields& f, SceneConfig& c);
 
 /// Checks a name that is written into tables.
 template <class Fields>

@@ -1,10 +1,9 @@
-#include "infrasim/cli/frame_range.h"
+#include "infrasim/cli/arguments.h"
 
-#include <algorithm>
-#include <cmath>
 #include <vector>
 
 #include "infrasim/core/errors.h"
+#include "infrasim/core/files.h"
 #include "infrasim/core/numbers.h"
 
 namespace infrasim::cli {
@@ -19,7 +18,7 @@ bool parse_whole(std::string_view text, int& value) {
 
 }  // namespace
 
-FrameRange parse_frames(const std::string& text, int frames) {
+FrameRange parse_frames(const std::string& text, int frames, const std::string& reason) {
   std::vector<std::string_view> parts;
   std::string_view rest = text;
   for (std::size_t colon = rest.find(':'); colon != std::string_view::npos;
@@ -34,8 +33,9 @@ FrameRange parse_frames(const std::string& text, int frames) {
                      (parts.size() == 2 || parse_whole(parts[2], range.step));
   if (!valid || range.first < 0 || range.last <= range.first || range.step < 1 ||
       range.last > frames)
-    throw ConfigError("--frames: expected A:B or A:B:STEP with 0 <= A < B <= " +
-                      std::to_string(frames) + " and STEP from 1, got '" + text + "'");
+    throw ConfigError(
+        "--frames: expected A:B or A:B:STEP with 0 <= A < B <= " + std::to_string(frames) +
+        (reason.empty() ? "" : " (" + reason + ")") + " and STEP from 1, got '" + text + "'");
   return range;
 }
 
@@ -43,6 +43,12 @@ std::uint64_t parse_seed(const std::string& text) {
   const auto seed = parse_number<std::uint64_t>(text);
   if (!seed) throw ConfigError("--seed: expected a whole number from 0, got '" + text + "'");
   return *seed;
+}
+
+void refuse_input(const char* option, const std::filesystem::path& file) {
+  if (was_read(file))
+    throw ConfigError(std::string(option) + ": expected another file than the inputs, got " +
+                      file.string());
 }
 
 }  // namespace infrasim::cli
