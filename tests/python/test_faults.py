@@ -258,7 +258,7 @@ def test_file_where_a_folder_should_be(
     file.write_text("mine")
     not_a_folder = "expected a folder, got a file"
     assert_one_line(infrasim(*run_command(out=file)), f"{file}: {not_a_folder}")
-    assert_one_line(infrasim(*run_command(out=file / "below")), str(file), "can't be")
+    assert_one_line(infrasim(*run_command(out=file / "below")), f"{file}: {not_a_folder}")
     assert file.read_text() == "mine"
     out = tmp_path / "out"
     out.mkdir()

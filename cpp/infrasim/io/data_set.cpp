@@ -66,7 +66,9 @@ void compare(const std::filesystem::path& file, const std::string& text, const I
 
 void create_folder(const std::filesystem::path& folder) {
   std::error_code error;
-  const auto path = folder.has_filename() ? folder : folder.parent_path();
+  std::filesystem::path path = folder;
+  while (!std::filesystem::exists(path, error) && path.has_relative_path())
+    path = path.parent_path();
   if (std::filesystem::exists(path, error) && !std::filesystem::is_directory(path, error))
     throw IoError(path.string() + ": expected a folder, got a file");
   std::filesystem::create_directories(folder, error);
