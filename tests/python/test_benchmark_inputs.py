@@ -355,7 +355,7 @@ def test_a_lidar_is_named_as_its_file(config: Path, capsys: pytest.CaptureFixtur
             "val_from_s: 0.5",
             "frames, split: val_from_s: expected 1 or more, got 0.5",
         ),
-        ("0:20:5", "'20:0'", "frames: expected a range .*, got '20:0'"),
+        ("0:20:5", "'20:0'", "frames: expected A:B.*, got '20:0'"),
     ],
 )
 def test_what_can_not_be_is_reported_before_anything_runs(

@@ -183,7 +183,7 @@ def test_a_mistake_is_answered_with_what_works(
         ("small.yaml", {"areas": "radius.csv"}, "radius.csv:1"),
         ("small.yaml", {"costs": "negative.csv"}, "negative.csv:2"),
         # The buses of the seeds 1 to 3 are narrow enough.
-        ("buses.yaml", {"check_frames": 30}, "a parked vehicle on a lane.* traffic seed 4"),
+        ("buses.yaml", {"check_frames": 30}, "offset_m: expected .* traffic seed 4"),
     ],
 )
 def test_inputs_are_checked_before_anything_is_simulated(
