@@ -79,7 +79,7 @@ class PlanSite:
     @property
     def other_seed(self) -> int:
         """The traffic seed of the predictions and measurements that follow the choice."""
-        return int(self.keys.get("seed", 1)) + 1
+        return int(self.keys["seed"]) + 1
 
     def is_near(self, objects: pd.DataFrame, within_m: float) -> BoolArray:
         """Returns which objects (columns x, y) are within a distance of the centre: (n,)."""
@@ -117,7 +117,7 @@ def open_site(
     check_metres(file.parent, feet, f"{file}: mounts: x_m, y_m")
     if centre_m is not None:
         check_metres(file.parent, np.array([centre_m]), "centre_m")
-    own_seed = int(keys.get("seed", 1))
+    own_seed = int(keys["seed"])
     seeds = min(further_seeds, 1) if keys.get("trajectories") else further_seeds
     for other in range(own_seed + 1, own_seed + 1 + seeds):
         try:
