@@ -23,6 +23,7 @@ from pyinfra.dataset.object_rows import BOX
 from pyinfra.exchange.formats import module
 from pyinfra.exchange.openlabel import Item, Json, Presence, cuboid, write_document
 from pyinfra.formats import kitti
+from pyinfra.formats.csv_table import rounded
 from pyinfra.formats.kitti.camera import boxes_to_camera
 from pyinfra.formats.kitti.write import image_columns
 
@@ -65,7 +66,7 @@ def write_json_lines(file: Path, frames: Sequence[FrameTracks]) -> None:
     """Writes a line per frame: frame, t_s and the columns of each track, rounded to 1 mm."""
     lines = []
     for number, time_s, part in frames:
-        rows = part.drop(columns=["frame", "t_s"]).round(3).to_dict("records")
+        rows = rounded(part.drop(columns=["frame", "t_s"])).to_dict("records")
         lines.append(json.dumps({"frame": number, "t_s": time_s, "tracks": rows}))
     write(file, "".join(f"{line}\n" for line in lines))
 

@@ -62,6 +62,13 @@ def write_tables(
     return list(files.values())
 
 
+def rounded(table: pd.DataFrame) -> pd.DataFrame:
+    """Returns a table of tracks for JSON: 1 mm, and four significant digits of variances."""
+    variances = [name for name in table if re.search(r"_(var|cov)_", str(name))]
+    exact = table[variances].map(lambda value: float(f"{value:.4g}"))
+    return table.round(3).assign(**exact)
+
+
 def read_csv(
     file: Path, words: Collection[str] = WORDS, required: Collection[str] = ()
 ) -> pd.DataFrame:

@@ -21,7 +21,7 @@ from pyinfra.formats.csv_table import write_tables
 from pyinfra.tracking.lines import AnyLines, Line, frames_of, lines_of
 from pyinfra.tracking.movements import movements
 from pyinfra.tracking.passages import UNSEEN_S, passages
-from pyinfra.tracking.queues import queues
+from pyinfra.tracking.queues import interval_numbers, queues
 from pyinfra.tracking.table_file import NUMBER_FORMAT, read_tracks, with_time_text
 
 TABLES = ("passages", "flows", "movements", "travel", "queues")
@@ -39,7 +39,7 @@ class Counts(Presented):
     lines : the lines, in the levelled LiDAR frame
     seconds : duration of the recording, from start_s to end_s
     passages : one row per passage: t_s, line, direction, lane, id, type, speed_km_h, length_m,
-        position, headway_s (front to front), gap_s (without the length of the vehicle before) and
+        position, headway_s (centre to centre), gap_s (without the length of the vehicle before) and
         unseen: 1 without a speed if the track has no box for more than 1.5 s around, else 0
     flows : one row per interval, line, direction, lane and type: count, flow_per_h, mean_km_h,
         p85_km_h, std_km_h, headway_s, gap_s (medians) and occupancy_percent
@@ -96,7 +96,8 @@ def count(
 
     Returns
     -------
-    Counts : tables of passages, flows, movements, travel times and queues
+    Counts : tables of passages, flows, movements, travel times and queues. A track that crosses a
+        line and returns over it, as after a U-turn, is not counted at this line
 
     Raises
     ------
@@ -188,7 +189,7 @@ def _unreached(table: pd.DataFrame, passed: pd.DataFrame, lines: list[Line], *, 
 def flows(passed: pd.DataFrame, start: float, end: float, interval_s: float) -> pd.DataFrame:
     """Returns counts, speeds, headways and occupancy by interval, line, direction, lane, type."""
     keys = ["start_s", "line", "direction", "lane", "type"]
-    table = in_intervals(passed, start, interval_s)
+    table = in_intervals(passed, start, end, interval_s)
     table = table.assign(over_s=table.length_m / np.maximum(table.speed_km_h / KM_H, 0.5))
     groups = table.groupby(keys, sort=True)  # passages without a speed take the mean time
     out = groups.agg(
@@ -210,7 +211,7 @@ def movement_table(
 ) -> pd.DataFrame:
     """Returns counts by interval, movement and type."""
     keys = ["start_s", "movement", "start", "end", "type"]
-    out = in_intervals(moved, start, interval_s).groupby(keys).size().rename("count").reset_index()
+    out = in_intervals(moved, start, end, interval_s).groupby(keys).size().rename("count").reset_index()
     return out.assign(flow_per_h=3600 * out["count"] / seconds_of(out, end, interval_s))
 
 
@@ -220,9 +221,14 @@ def travel_table(moved: pd.DataFrame) -> pd.DataFrame:
     return timed.agg(count="size", mean_s="mean", p85_s=lambda v: v.quantile(0.85)).reset_index()
 
 
-def in_intervals(table: pd.DataFrame, start: float, interval_s: float) -> pd.DataFrame:
-    """Adds start_s, the begin of the interval of each row. Intervals count from the start."""
-    number = np.floor((table.t_s.astype(float) - start) / interval_s)
+def in_intervals(
+    table: pd.DataFrame, start: float, end: float, interval_s: float
+) -> pd.DataFrame:
+    """Adds start_s, the begin of the interval of each row. Intervals count from the start.
+
+    A row at the end of the recording belongs to the last interval.
+    """
+    number = interval_numbers(table.t_s.to_numpy(np.float64), start, end, interval_s)
     return table.assign(start_s=start + interval_s * number)
 
 

@@ -25,6 +25,7 @@ from pyinfra.tracking.passages import passages
 
 VISIBLE = 0.2  # minimum visible share of an evaluated vehicle
 PASSAGE_S, PASSAGE_M = 1.5, 2.5  # maximum time and offset between a passage and the true passage
+NEEDED = ("frame", "id", "type", "state", *BOX, "speed_m_s")  # columns of tracks
 _RISE = 5  # number of frames on each side of a frame over which the true speed is computed
 
 
@@ -41,8 +42,8 @@ class TrackEvaluation(Presented):
     measures : one row: hota, det_a, ass_a, loc_a, mota (percent), switches, objects (true
         vehicles), tracks, false_tracks, false_tracks_per_min, speed_error_km_h (median),
         speed_p95_km_h, hidden_error_m (median distance to vehicles that are not visible)
-    movements : one row per movement: true passages, counted, never (truth without a passage), extra
-        (a passage without truth), error_percent, geh (of flows per hour)
+    movements : one row per movement: true, counted, never (true vehicles of which no passage was
+        found), extra (tracks of which no passage is true), error_percent, geh (of flows per hour)
     passages : the passages of the tracks; `true_id` is -1 if no true passage matches
     missed : the true passages that were never counted
     """
@@ -53,11 +54,13 @@ class TrackEvaluation(Presented):
     missed: pd.DataFrame
 
     def facts(self) -> dict[str, object]:
+        found = int((self.passages.true_id >= 0).sum())
         return {
             "hota": f"{self.measures.hota:.1f}",
             "mota": f"{self.measures.mota:.1f}",
             "switches": int(self.measures.switches),
-            "passages": f"{len(self.passages)} of {self.movements.true.sum()}",
+            "passages": f"{found} of {found + len(self.missed)}",
+            "false passages": len(self.passages) - found,
         }
 
 
@@ -77,7 +80,7 @@ def evaluate_tracks(
     Parameters
     ----------
     frames : the frames that were tracked, with objects
-    tracks : table of `track`
+    tracks : table of `track`, in any order; the times are those of the frames
     within_m : largest distance of a vehicle from the sensor, metres
     lines : lines at which passages are compared, as `site` of `count`; by default those of the
         site's roads
@@ -88,8 +91,8 @@ def evaluate_tracks(
 
     Raises
     ------
-    Error : for frames without objects or with objects without track ids, and for lines that no
-        site has
+    Error : for frames without objects or with objects without track ids, for tracks of other
+        frames or without a column, and for lines that no site has
 
     Examples
     --------
@@ -111,7 +114,21 @@ def evaluate_tracks(
     if not isinstance(lines, (list, tuple)):
         lines = lines_of(frames if lines is None else lines)
     seconds = recorded_s(frames.numbers, frames.period_s)
+    tracks = in_frames(tracks, frames)
     return compare_with(truth, tracks, lines, within_m=within_m, seconds=seconds)
+
+
+def in_frames(tracks: pd.DataFrame, frames: FrameSequence) -> pd.DataFrame:
+    """Returns tracks in the order and with the times of their frames.
+
+    Raises Error for a missing column, and for tracks of other frames.
+    """
+    if missing := [name for name in NEEDED if name not in tracks]:
+        raise Error(f"tracks: expected the columns {', '.join(missing)}, got none of them")
+    if len(other := np.setdiff1d(tracks.frame, frames.numbers)):
+        raise Error(f"tracks: frame: expected frames of `frames`, got {other[0]}")
+    ordered = tracks.sort_values("frame", kind="stable", ignore_index=True)
+    return ordered.assign(t_s=(ordered.frame + 0.5) * frames.period_s)
 
 
 def check_ids(vehicles: pd.DataFrame) -> None:
@@ -221,6 +238,7 @@ def compare_passages(
     """Returns the counts by movement, the passages with `true_id`, and the missed true ones."""
     real, found = passages(truth, lines), passages(tracks, lines)
     found = found.assign(true_id=-1)
+    matched: list[int] = []  # rows of true passages
     for key, part in found.groupby(["line", "sign"]):
         same = real[(real.line == key[0]) & (real["sign"] == key[1])]
         late = np.abs(part.t_s.to_numpy()[:, None] - same.t_s.to_numpy()) / PASSAGE_S
@@ -229,11 +247,17 @@ def compare_passages(
         i, j = linear_sum_assignment(cost)
         ok = cost[i, j] < 9
         found.loc[part.index[i[ok]], "true_id"] = same.id.to_numpy()[j[ok]]
-    pairs = set(zip(found.line, found.true_id, strict=True))
-    missed = real[[pair not in pairs for pair in zip(real.line, real.id, strict=True)]]
+        matched += same.index[j[ok]].tolist()
+    missed = real.drop(index=matched)
     a, b = movements(real, lines), movements(found, lines)
-    sizes = [a.groupby("movement").size(), b.groupby("movement").size()]
-    table = pd.concat(sizes, axis=1, keys=["true", "counted"]).fillna(0).astype(int)
+    parts = {
+        "true": a,
+        "counted": b,
+        "never": a[~a.id.isin(found.true_id)],
+        "extra": b[~b.id.isin(found.id[found.true_id >= 0])],
+    }
+    sizes = [part.groupby("movement").size() for part in parts.values()]
+    table = pd.concat(sizes, axis=1, keys=[*parts]).fillna(0).astype(int)
     table["error_percent"] = 100 * (table.counted - table.true) / table.true.where(table.true > 0)
     table["geh"] = geh(table.counted * 3600 / seconds, table.true * 3600 / seconds)
     return table.reset_index(), found, missed

@@ -87,7 +87,7 @@ def lines_of(site: AnyLines) -> list[Line]:
     if isinstance(site, list):
         lines = site
     elif isinstance(site, Mapping):
-        lines = drawn({name: np.asarray(ends, np.float64) for name, ends in site.items()})
+        lines = drawn({name: _ends(name, ends) for name, ends in site.items()})
     elif frames is None:
         lines = read_lines(path_of(site, "site"))
     else:
@@ -103,6 +103,14 @@ def lines_of(site: AnyLines) -> list[Line]:
     if twice := repeated([line.name for line in lines]):
         raise Error(f"site: expected a different name for each line, got '{twice}' twice")
     return lines
+
+
+def _ends(name: str, ends: npt.ArrayLike) -> FloatArray:
+    """Returns the points of a line as an array. Raises Error for other values than numbers."""
+    try:
+        return np.asarray(ends, np.float64)
+    except (TypeError, ValueError):
+        raise Error(f"{name}: expected two points [[x, y], [x, y]], got {ends}") from None
 
 
 def frames_of(site: AnyLines) -> FrameSequence | None:

@@ -20,6 +20,7 @@ import pandas as pd
 from pyinfra.core.arrays import IntArray
 from pyinfra.core.errors import Error, FindingWarning, FormatError
 from pyinfra.dataset.object_rows import BOX
+from pyinfra.formats.csv_table import rounded
 from pyinfra.tracking.state import TYPES, Boxes, Tracks
 from pyinfra.tracking.tracker import Tracker
 from pyinfra.tracking.tracks import boxes_of, table_of
@@ -30,6 +31,7 @@ CLOUDS = (".bin", ".pcd")
 FRAMES = 1e11  # if the period is known, smaller whole numbers in file names are frame numbers
 SINCE_1970_S = (5e8, 5e9)  # plausible seconds since 1970: the years 1985 to 2128
 UNORDERED = 10  # number of successive late frames after which a jump back of the clock is assumed
+_NUMBER = re.compile(r"(?<!\d)(?<!\d\.)\d+(?:\.\d+)?$")  # number at the end of a name
 _UNITS = (1, 1e3, 1e6, 1e9)  # units per second of times in file names: s, ms, us and ns
 _SHOWN = [
     "id",
@@ -70,7 +72,7 @@ def new_clouds(folder: Path, *, idle_s: float = np.inf) -> Iterator[Arrival]:
         changed = stamp
         present = _clouds(folder)
         known &= present
-        names = sorted(present - known)
+        names = sorted(present - known, key=_in_time)
         sizes, before = {}, sizes
         ready = names[:-1]
         if names:
@@ -90,7 +92,15 @@ def new_clouds(folder: Path, *, idle_s: float = np.inf) -> Iterator[Arrival]:
 
 
 def _clouds(folder: Path) -> set[str]:
-    return {file.name for file in folder.iterdir() if file.suffix.lower() in CLOUDS}
+    """Returns the names of clouds; hidden files are still being written."""
+    names = {file.name for file in folder.iterdir() if file.suffix.lower() in CLOUDS}
+    return {name for name in names if not name.startswith(".")}
+
+
+def _in_time(name: str) -> tuple[float, str]:
+    """Returns a key that sorts names by the number at their end: frame_99 before frame_100."""
+    match = _NUMBER.search(Path(name).stem)
+    return float(match[0]) if match else -1.0, name
 
 
 def time_of(file: Path, period_s: float | None) -> float:
@@ -99,7 +109,7 @@ def time_of(file: Path, period_s: float | None) -> float:
     A whole number is a frame if there is a period. Else a number is a time since 1970 in s, ms, us
     or ns, or a time with decimals in s. Raises Error for other names.
     """
-    match = re.search(r"(?<!\d)(?<!\d\.)\d+(?:\.\d+)?$", file.stem)
+    match = _NUMBER.search(file.stem)
     if match is None:
         raise Error(f"{file}: expected a time or a frame number at the end of the name, got none")
     value, is_whole = float(match[0]), "." not in match[0]
@@ -221,7 +231,7 @@ def records(tracks: Tracks, time_s: float) -> list[dict[str, object]]:
     chosen = tracks.select(rows)
     frame = np.zeros(len(rows), np.int64)
     table = table_of(chosen, frame, np.full(len(rows), time_s))[_SHOWN]
-    return [dict(row) for row in table.round(3).to_dict("records")]
+    return [dict(row) for row in rounded(table).to_dict("records")]
 
 
 def boxes_of_detections(values: Any, scores: Any, names: Any) -> Boxes:

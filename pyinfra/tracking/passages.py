@@ -115,7 +115,7 @@ def _lanes(offset: FloatArray, sign: int) -> IntArray:
 
 
 def with_headways(table: pd.DataFrame) -> pd.DataFrame:
-    """Adds the time to the vehicle before in the lane: front to front, and without its length."""
+    """Adds the time to the vehicle before in the lane: centre to centre, and without its length."""
     lanes = [table.line, table["sign"], table.lane.where(table.lane > 0)]
     headway = table.t_s.groupby(lanes).diff()
     passing_s = table.length_m / np.maximum(table.speed_km_h / KM_H, 0.5)

@@ -5,12 +5,21 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from pyinfra.core.arrays import FloatArray
 from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.tracking.lines import Line
 
 STANDS_M_S = 1.5  # speed below which a vehicle counts as standing in a queue
 GAP_M = 15.0  # maximum gap between successive standing vehicles of a queue
 COLUMNS = ["start_s", "line", "mean_queue_m", "max_queue_m", "mean_queued", "max_queued"]
+
+
+def interval_numbers(
+    times: FloatArray, start_s: float, end_s: float, interval_s: float
+) -> FloatArray:
+    """Returns the number of the interval of each time; the end belongs to the last interval."""
+    last = max(np.ceil((end_s - start_s) / interval_s - 1e-9) - 1, 0)
+    return np.minimum(np.floor((times - start_s) / interval_s), last)
 
 
 def queues(
@@ -25,8 +34,8 @@ def queues(
     """
     times = np.unique(tracks.t_s.to_numpy(np.float64))
     step_s = np.median(np.diff(times)) if len(times) > 1 else np.inf
-    number = np.floor((times - start_s) / interval_s)
-    count = int(max(np.ceil((end_s - start_s) / interval_s - 1e-9), number.max(initial=-1) + 1))
+    number = interval_numbers(times, start_s, end_s, interval_s)
+    count = int(interval_numbers(np.array(np.inf), start_s, end_s, interval_s)) + 1
     starts = start_s + interval_s * np.arange(count)
     recorded = np.round(np.minimum(interval_s, end_s - starts) / step_s)
     frames = np.maximum(np.bincount(number.astype(int), minlength=count), np.maximum(recorded, 1))

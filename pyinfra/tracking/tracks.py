@@ -119,6 +119,8 @@ def frame_times(
             raise Error(f"detections: expected boxes of `frames`, got a box of frame {other[0]}")
         return numbers.tolist(), ((numbers + 0.5) * frames.period_s).tolist()
     if "t_s" in detections:
+        if period_s is not None:
+            raise Error("period_s: use `period_s` or a column t_s, not both")
         return present.tolist(), _times_of(detections, present)
     if period_s is None:
         raise Error(

@@ -99,6 +99,35 @@ def test_queues_are_means_of_all_frames_of_the_recording() -> None:
         assert found.max_queued.tolist() == [1, 0, 0, 0]
 
 
+def test_a_passage_at_the_end_belongs_to_the_last_interval() -> None:
+    """The recording is a multiple of the interval, and a passage is at its end."""
+    tracks = pi.track(cars(0), period_s=PERIOD_S)
+    (passed_s,) = pi.count(tracks, GATE).passages.t_s
+    until = tracks[tracks.t_s <= passed_s + 1e-9]
+    line = {"gate": [[until.x.iloc[-1] - 1e-6, 0], [until.x.iloc[-1] - 1e-6, 10]]}
+    end_s = float(until.t_s.iloc[-1])
+    for interval_s in (end_s, end_s / 4):
+        counts = pi.count(until, line, start_s=0, end_s=end_s, interval_s=interval_s)
+        assert counts.flows.start_s.tolist() == pytest.approx([end_s - interval_s])
+        assert counts.flows.flow_per_h.tolist() == pytest.approx([3600 / interval_s])
+        assert counts.movements.flow_per_h.tolist() == pytest.approx([3600 / interval_s])
+    found = pi.count(tracks, ARM, start_s=0, end_s=float(tracks.t_s.max()), interval_s=0.5).queues
+    assert found.start_s.max() < tracks.t_s.max()
+
+
+def test_times_are_given_once() -> None:
+    table = boxes([straight(-20, 5, 10)], 40).assign(t_s=lambda rows: rows.frame * 1.0)
+    with pytest.raises(pi.Error, match="use `period_s` or a column t_s, not both"):
+        pi.track(table, period_s=PERIOD_S)
+
+
+@pytest.mark.parametrize("ends", [[[1, 2], [3]], "text", [["a", 1], [2, 3]]])
+def test_a_line_that_is_no_pair_of_points_is_refused(ends: object) -> None:
+    tracks = pi.track(cars(0), period_s=PERIOD_S)
+    with pytest.raises(pi.Error, match=r"gate: expected two points"):
+        pi.count(tracks, {"gate": ends})  # type: ignore[dict-item]
+
+
 @pytest.mark.parametrize("start_s", [0.0, 108000.0, 1777883410.5])
 def test_files_keep_the_time_of_each_frame(tmp_path: Path, start_s: float) -> None:
     table = cars(0, 60)

@@ -171,6 +171,23 @@ def test_files_that_wait_are_dropped(tmp_path: Path) -> None:
     assert found[-1].dropped + len(found) == 10
 
 
+@pytest.mark.parametrize("names", [["frame_98", "frame_99", "frame_100"], ["9.95", "9.99", "10.05"]])
+def test_the_newest_of_waiting_files_has_the_highest_number(
+    tmp_path: Path, names: list[str]
+) -> None:
+    """The names differ in their number of digits. A hidden file is still being written."""
+
+    def write() -> None:
+        for name in (*names, ".frame_101"):
+            (tmp_path / f"{name}.bin").write_bytes(b"0")
+
+    clouds = live.new_clouds(tmp_path, idle_s=0.5)
+    threading.Timer(0.1, write).start()
+    found = list(clouds)
+    assert found[-1].item.name == f"{names[-1]}.bin"
+    assert found[-1].dropped + len(found) == 3
+
+
 def test_the_time_of_a_slow_detector_is_not_idle(tmp_path: Path) -> None:
     clouds, found = live.new_clouds(tmp_path, idle_s=0.5), []
     threading.Timer(0.1, lambda: (tmp_path / "0.bin").write_bytes(b"0")).start()

@@ -19,7 +19,7 @@ from pyinfra.core.errors import Error
 from pyinfra.dataset.frame_sequence import RecordedFrames
 from pyinfra.dataset.object_rows import BOX
 from pyinfra.dataset.simulated_frames import SimulatedFrames
-from pyinfra.exchange.track_files import write_kitti_tracking
+from pyinfra.exchange.track_files import write_json_lines, write_kitti_tracking
 from pyinfra.formats import kitti
 from pyinfra.tracking.evaluation import UnknownIds, check_ids, geh, true_objects
 from pyinfra.tracking.hota import Sightings, clear, hota
@@ -197,6 +197,60 @@ def test_true_boxes_give_a_track_per_vehicle_and_no_switch(
     assert ours.groupby(keys).size().to_dict() == theirs.groupby(keys).size().to_dict()
 
 
+@pytest.fixture(scope="module")
+def tracks(frames: SimulatedFrames) -> pd.DataFrame:
+    return pi.track(frames.objects.assign(score=0.9), frames)
+
+
+def test_the_order_and_clock_of_tracks_change_no_measure(
+    frames: SimulatedFrames, tracks: pd.DataFrame
+) -> None:
+    expected = pi.evaluate_tracks(frames, tracks)
+    others = {
+        "by id": tracks.sort_values(["id", "frame"]),
+        "shuffled": tracks.sample(frac=1, random_state=1),
+        "other clock": tracks.assign(t_s=tracks.t_s + 1.7e9),
+    }
+    for name, other in others.items():
+        result = pi.evaluate_tracks(frames, other)
+        pd.testing.assert_series_equal(result.measures, expected.measures, obj=name)
+        assert result.facts() == expected.facts(), name
+
+
+def test_tracks_of_other_frames_or_without_a_column_are_refused(
+    frames: SimulatedFrames, tracks: pd.DataFrame
+) -> None:
+    with pytest.raises(Error, match="expected frames of `frames`, got 60"):
+        pi.evaluate_tracks(frames[:60], tracks)
+    with pytest.raises(Error, match="expected the columns id, state"):
+        pi.evaluate_tracks(frames, tracks.drop(columns=["id", "state"]))
+
+
+def test_missed_and_false_passages_are_told_apart(
+    frames: SimulatedFrames, tracks: pd.DataFrame
+) -> None:
+    """Half of the vehicles are missed, and a false one passes for each of them."""
+    real = pi.evaluate_tracks(frames, tracks)
+    true = int(real.movements.true.sum())
+    assert real.facts()["passages"] == f"{len(real.passages)} of {len(real.passages)}"
+    assert real.facts()["false passages"] == 0
+    assert not real.movements[["never", "extra"]].to_numpy().any()
+    ids = real.passages.id.unique()[::2]
+    late = tracks[tracks.id.isin(ids)]
+    shifted = late.assign(frame=late.frame + 40)  # four seconds late, so no true passage
+    kept = pd.concat([tracks[~tracks.id.isin(ids)], shifted[shifted.frame <= 119]])
+    found = pi.evaluate_tracks(frames, kept)
+    lost, false = len(found.missed), int((found.passages.true_id < 0).sum())
+    assert lost > 0
+    assert false > 0
+    total = len(real.passages)
+    assert found.facts()["passages"] == f"{total - lost} of {total}"
+    assert found.facts()["false passages"] == false
+    assert found.movements.never.sum() == len(ids)
+    counted = found.movements.counted.sum()
+    assert found.movements.extra.sum() == counted - (true - len(ids))
+
+
 def test_lines_of_a_junction_stand_at_its_arms(frames: SimulatedFrames) -> None:
     lines = {line.name: line for line in lines_of(frames)}
     assert sorted(lines) == ["main E", "main W", "side N", "side S"]
@@ -327,6 +381,16 @@ def test_frames_without_tracks_are_written(seen: list[int], tmp_path: Path) -> N
     assert len(read) == 64
     found = [m.detections for topic, m in read if topic == "/lidar/tracks"]
     assert [k for k, detections in enumerate(found) if detections] == seen
+
+
+def test_variances_keep_their_digits_in_json(tmp_path: Path) -> None:
+    tracks = pi.track(boxes([straight(0, -5, 10)], 30), period_s=PERIOD_S)
+    file = tmp_path / "tracks.jsonl"
+    write_json_lines(file, [(0, 0.05, tracks[-1:])])
+    (row,) = json.loads(file.read_text())["tracks"]
+    for name in ("x_var_m2", "y_var_m2", "speed_var_m2_s2"):
+        assert row[name] == pytest.approx(tracks[name].iloc[-1], rel=1e-3)
+    assert row["x"] == round(tracks.x.iloc[-1], 3)
 
 
 def test_messages_of_ros_have_the_same_tracks(tmp_path: Path) -> None:
