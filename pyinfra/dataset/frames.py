@@ -39,7 +39,10 @@ def frame_range(word: str, gt: Path) -> list[int]:
     parts = word.split(":")
     if len(parts) not in (2, 3) or not all(part.isdecimal() for part in parts):
         raise Error(f"frames: expected A:B[:STEP], got '{word}'")
-    wanted = range(*(int(part) for part in parts)) if "0" not in parts[2:] else range(0)
+    numbers = [int(part) for part in parts]
+    if 0 in numbers[2:]:
+        raise Error(f"frames: expected A:B[:STEP] with STEP above 0, got '{word}'")
+    wanted = range(*numbers)
     frames = [frame for frame in frame_numbers(gt, "all") if frame in wanted]
     if not frames:
         raise Error(f"frames: expected a range that contains frames of {gt}, got '{word}'")

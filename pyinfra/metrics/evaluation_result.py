@@ -87,10 +87,10 @@ class Evaluation(Presented):
         """Writes the tables as CSV files to a folder, and returns the files."""
         path = path_of(folder, "folder")
         with alone(path):
-            # The old file is removed first, so that an interrupted process never leaves it next to
-            # the new AP.
-            if (older := existing(path / "replicates.csv")).is_file():
-                older.unlink()
+            # Old files are removed first, so that none remains next to the new AP, also if this
+            # evaluation has no such table, or the process is interrupted.
+            for name in ("replicates", "cells", "ranges"):
+                existing(path / f"{name}.csv").unlink(missing_ok=True)
             return write_tables(path, self.tables())
 
     def plot(self, ax: Axes | None = None) -> Axes:

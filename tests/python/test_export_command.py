@@ -87,6 +87,8 @@ def test_frames_and_splits_are_chosen(pole: Path, tmp_path: Path) -> None:
             "--frames: expected a range that contains frames of .*, got '0:3'",
         ),
         (["--frames", "5"], 2, r"--frames: expected A:B\[:STEP\], got '5'"),
+        (["--frames", "0:9:0"], 2, r"expected A:B\[:STEP\] with STEP above 0, got '0:9:0'"),
+        (["--frames", "0:9:00"], 2, r"expected A:B\[:STEP\] with STEP above 0, got '0:9:00'"),
         (["--split", "train"], 1, "ImageSets/train.txt: No such file"),
     ],
 )

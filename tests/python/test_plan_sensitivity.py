@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -9,10 +10,11 @@ import pytest
 import yaml
 
 import pyinfra as pi
+from pyinfra.core.errors import Error, FindingWarning
 from pyinfra.dataset import simulation
 from pyinfra.dataset.catalogue import lidar_file, scene_file
 from pyinfra.dataset.fused import fused
-from pyinfra.experiments.planner import answer, predict, simulate
+from pyinfra.experiments.planner import answer, predict, sensitivity, simulate
 from pyinfra.experiments.planner import detectability as laws
 from pyinfra.experiments.planner.answer import price_line, verdict_lines
 from pyinfra.experiments.planner.check import cheaper_line, paired, share
@@ -21,7 +23,14 @@ from pyinfra.experiments.planner.costs import open_lidars, read_costs
 from pyinfra.experiments.planner.notes import how_chosen
 from pyinfra.experiments.planner.observe import Setting
 from pyinfra.experiments.planner.request import Effort, Request
-from pyinfra.experiments.planner.sensitivity import PRICES, Move, cases_of, losses, with_prices
+from pyinfra.experiments.planner.sensitivity import (
+    PRICES,
+    Move,
+    cases_of,
+    losses,
+    simulated_rows,
+    with_prices,
+)
 from pyinfra.experiments.planner.simulate import Found, frames_at
 from pyinfra.experiments.planner.site import PlanSite, choice_end, open_site, other_traffic
 from pyinfra.experiments.planner.verdict import Compared, Standing, in_order, verdict
@@ -306,6 +315,28 @@ def test_what_if_has_the_cases_that_a_site_allows(site: PlanSite) -> None:
     far = next(one for one in cases_of(site, ONE) if "further" in one.name)
     pose = np.array([site.centre[0] + 3, site.centre[1] + 4, 5, 0, 0])
     assert np.hypot(*(far.move(pose)[:2] - site.centre)) == pytest.approx(7)
+
+
+def test_a_case_that_the_simulator_refuses_is_left_out(
+    site: PlanSite, units: Units, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A mast that is moved into a house must not lose the plan."""
+    first, found = chosen(units, 0), objects([[1, 1], [1, 0]])
+    at = {first.units: standing(0.5)}
+    compared = Compared([first], [], 1, units, (), at, lambda _: SimpleNamespace(cut=0.5), None)  # type: ignore
+    told: list[str] = []
+    setting = Setting(site, Request(9000), Effort(tell=told.append), None, None, None, [])  # type: ignore
+
+    def refuse(_: PlanSite, poses: object, *args: object, **named: object) -> Found:
+        if named["scene"] == {} and not named["yaw_error_deg"]:
+            raise Error("mount: expected a place outside buildings, got one inside a building")
+        return found
+
+    monkeypatch.setattr(sensitivity, "simulate_option", refuse)
+    with pytest.warns(FindingWarning, match="left out, because the simulator refuses it: mount"):
+        rows = list(simulated_rows(compared, setting, ONE, {first.units: found}))
+    assert {"night", "rain 25 mm/h"} < {row["case"] for row in rows}
+    assert not any("mast" in str(row["case"]) for row in rows)
 
 
 def notes_of(units: Units, request: Request, site: PlanSite, every: pd.DataFrame = NO_POSES) -> str:

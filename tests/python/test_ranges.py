@@ -1,6 +1,7 @@
 """AP, recall and coverage within a range of the sensor, along roads and around the sensor."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +96,10 @@ def test_a_range_at_a_site_of_lanes_is_around_the_sensor(
     assert evaluation.cells is not None
     at = np.hypot(evaluation.cells.x - pose.x, evaluation.cells.y - pose.y)
     np.testing.assert_allclose(evaluation.cells.distance_m, at)
+    evaluation.save(tmp_path / "out")
+    replace(evaluation, ranges=None, cells=None).save(tmp_path / "out")
+    written = {file.stem for file in (tmp_path / "out").glob("*.csv")}
+    assert written == evaluation.tables().keys() - {"ranges", "cells"}
 
 
 # --- recommend ----------------------------------------------------------------------------------

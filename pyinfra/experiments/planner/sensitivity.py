@@ -6,6 +6,7 @@ differences are paired.
 """
 
 import math
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, product
@@ -14,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from pyinfra.core.arrays import FloatArray
+from pyinfra.core.errors import Error, FindingWarning
 from pyinfra.dataset.loading import with_meshes
 from pyinfra.experiments.planner.check import near_vehicles, paired, share, simulate
 from pyinfra.experiments.planner.choice import Choice, Units
@@ -214,6 +216,8 @@ def simulated_rows(
 ) -> Iterator[Row]:
     """Yields a row for each case of `what_if`, simulated in the frames of the check.
 
+    A case that the simulator refuses has no row, and a warning names it.
+
     found: what each option that was simulated finds.
     """
     first = compared.first
@@ -225,10 +229,15 @@ def simulated_rows(
             for k, (pose, lidar) in enumerate(parts)
             if k != case.lost
         ]
-        after = simulate_option(
-            site, moved, request.detector, cut, setting.effort.check_frames,
-            scene=case.scene, yaw_error_deg=case.yaw_error_deg,
-        )  # fmt: skip
+        try:
+            after = simulate_option(
+                site, moved, request.detector, cut, setting.effort.check_frames,
+                scene=case.scene, yaw_error_deg=case.yaw_error_deg,
+            )  # fmt: skip
+        except Error as error:  # a moved mast inside a house, or traffic that does not fit
+            text = f"what if: {case.name}: left out, because the simulator refuses it: {error}"
+            warnings.warn(text, FindingWarning, stacklevel=2)
+            continue
         now, then = (away_from(one, case.without) for one in (before, after))
         recall = share(then, near_vehicles(then, site, request.within_m))
         change = paired(now, then, site, request.within_m)
