@@ -81,7 +81,9 @@ void visit(Fields& f, DetectionConfig& c) {
           "further_ranges; default: 0.25",
           between(kLeastExponent, kMostExponent));
   f.field("steepness", c.steepness,
-          "steepness of the detection probability over the signal-to-noise ratio", positive(1000));
+          "steepness of the detection probability over the signal-to-noise ratio; below 3.72 is "
+          "refused, because rays would return without a signal",
+          positive(1000));
   const double false_alarms = math::erfc(c.steepness / std::numbers::sqrt2) / 2;
   f.check(false_alarms <= kMostFalseAlarms, "steepness",
           "expected a steepness at which at most 1 of " +

@@ -139,7 +139,7 @@ void visit(Fields& f, SceneConfig& c) {
   f.check(config::begins_as_name(c.name), "name",
           "expected a name that begins with a letter, a digit or _, got '" + c.name + "'");
   f.field("seed", c.seed, "seed of the traffic, the phases of free motors and the returns");
-  f.field("duration_s", c.duration_s, "duration of the run; a frame lasts 0.1 s",
+  f.field("duration_s", c.duration_s, "duration of the run, in whole tenths of a second",
           between(0.1, kLongestScene_s));
   f.check(std::abs(10 * c.duration_s - std::round(10 * c.duration_s)) < 1e-6, "duration_s",
           "expected whole tenths of a second, got " + config::number_text(c.duration_s));
