@@ -211,7 +211,13 @@ def movement_table(
 ) -> pd.DataFrame:
     """Returns counts by interval, movement and type."""
     keys = ["start_s", "movement", "start", "end", "type"]
-    out = in_intervals(moved, start, end, interval_s).groupby(keys).size().rename("count").reset_index()
+    out = (
+        in_intervals(moved, start, end, interval_s)
+        .groupby(keys)
+        .size()
+        .rename("count")
+        .reset_index()
+    )
     return out.assign(flow_per_h=3600 * out["count"] / seconds_of(out, end, interval_s))
 
 
@@ -221,9 +227,7 @@ def travel_table(moved: pd.DataFrame) -> pd.DataFrame:
     return timed.agg(count="size", mean_s="mean", p85_s=lambda v: v.quantile(0.85)).reset_index()
 
 
-def in_intervals(
-    table: pd.DataFrame, start: float, end: float, interval_s: float
-) -> pd.DataFrame:
+def in_intervals(table: pd.DataFrame, start: float, end: float, interval_s: float) -> pd.DataFrame:
     """Adds start_s, the begin of the interval of each row. Intervals count from the start.
 
     A row at the end of the recording belongs to the last interval.

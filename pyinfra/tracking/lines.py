@@ -110,7 +110,7 @@ def _ends(name: str, ends: npt.ArrayLike) -> FloatArray:
     try:
         return np.asarray(ends, np.float64)
     except (TypeError, ValueError):
-        raise Error(f"{name}: expected two points [[x, y], [x, y]], got {ends}") from None
+        raise Error(f"{name}: expected two points [[x, y], [x, y]], got {ends!r}") from None
 
 
 def frames_of(site: AnyLines) -> FrameSequence | None:

@@ -19,7 +19,7 @@ def interval_numbers(
 ) -> FloatArray:
     """Returns the number of the interval of each time; the end belongs to the last interval."""
     last = max(np.ceil((end_s - start_s) / interval_s - 1e-9) - 1, 0)
-    return np.minimum(np.floor((times - start_s) / interval_s), last)
+    return np.asarray(np.minimum(np.floor((times - start_s) / interval_s), last))
 
 
 def queues(

@@ -80,7 +80,15 @@ def roundabout(folder: Path, netconvert: Path, reach_m: float = 120) -> Path:
     (folder / "n.nod.xml").write_text(f"<nodes>{''.join(nodes)}</nodes>")
     (folder / "e.edg.xml").write_text(f"<edges>{''.join(edges)}</edges>")
     out = folder / "ring.net.xml"
-    command = [netconvert, "-n", folder / "n.nod.xml", "-e", folder / "e.edg.xml", "-o", out]
+    command: list[str | Path] = [
+        netconvert,
+        "-n",
+        folder / "n.nod.xml",
+        "-e",
+        folder / "e.edg.xml",
+        "-o",
+        out,
+    ]
     subprocess.run(command, check=True, capture_output=True)
     return out
 

@@ -171,7 +171,9 @@ def test_files_that_wait_are_dropped(tmp_path: Path) -> None:
     assert found[-1].dropped + len(found) == 10
 
 
-@pytest.mark.parametrize("names", [["frame_98", "frame_99", "frame_100"], ["9.95", "9.99", "10.05"]])
+@pytest.mark.parametrize(
+    "names", [["frame_98", "frame_99", "frame_100"], ["9.95", "9.99", "10.05"]]
+)
 def test_the_newest_of_waiting_files_has_the_highest_number(
     tmp_path: Path, names: list[str]
 ) -> None:
