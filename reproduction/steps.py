@@ -91,7 +91,9 @@ STEPS = (
             experiments("--setups pretrained", 0.5, SCENES, PRESETS),
             experiments(
                 f"{PAPER} --setups pv-rcnn dsvt pointrcnn --lidars ruby_plus livox_avia",
-                3.4,
+                1.9,
+                source=RUN,
+                replicates=("1",),
                 secondary=True,
             ),
             experiments(f"{PAPER} {PRIMARY} --label-times frame {TURNED}", 0.7),

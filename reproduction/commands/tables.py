@@ -40,6 +40,7 @@ from reproduction.tables import (
     stress,
     tracks,
     verdicts,
+    versions,
 )
 from reproduction.tables.common import frames_of_results, with_frames
 
@@ -133,6 +134,9 @@ FRAMES: dict[str, Callable[[], str]] = {  # tables without a sentence about the 
     "frames of the results": frames_of_results,
     "steps": steps.steps,
     "other files": steps.others,
+    "changes of verdicts": versions.counts,
+    "changed verdicts on detection": versions.detection,
+    "changed verdicts on scanning": versions.scanning,
     "catalogue, sources": catalogue.sources,
     "formats": formats.formats,
     "other formats": formats.other_formats,
@@ -147,6 +151,7 @@ TEXTS: dict[str, Callable[[], str]] = {
     "distance": sentences.distance,
     "value": sentences.value,
     "detectors": sentences.detectors,
+    "claims about detectors": sentences.claims_of_detectors,
     "points": sentences.points,
     "motor": sentences.motor,
     "intervals": measure.intervals,
@@ -166,6 +171,7 @@ TEXTS: dict[str, Callable[[], str]] = {
     "pole errors": sentences_of_poles.pole_errors,
     "unseen": sentences_of_models.unseen,
     "unseen pose": sentences_of_models.unseen_pose,
+    "changed verdicts": versions.answer,
 }
 
 

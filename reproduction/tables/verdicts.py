@@ -20,6 +20,7 @@ from reproduction.claims.two_detectors import (
 from reproduction.commands.experiments import LAW_EXPONENTS, at_catalogue_law, at_own_cut_angle
 from reproduction.commands.variance import DIFFERENCE
 from reproduction.commands.verdicts import (
+    CLAIMS,
     LEAST_REPLICATES,
     LEVEL,
     LEVEL_AP,
@@ -102,7 +103,14 @@ def _verdict(rows: pd.DataFrame, key: tuple[str, ...]) -> str:
     row = rows.loc[key]
     if math.isnan(row.value):
         return str(row.verdict)
-    return f"{row.value:+.1f} [{row.low:.1f}, {row.high:.1f}], {row.verdict}"
+    return f"{with_interval(row.claim, row.value, row.low, row.high)}, {row.verdict}"
+
+
+def with_interval(claim: str, value: float, low: float, high: float) -> str:
+    """Formats the value of a claim, with two decimals if one would show an end as its limit."""
+    limits = next((c.low, c.high) for c in CLAIMS if c.name == claim)
+    digits = 2 if {round(low, 1), round(high, 1)} & {*limits} else 1
+    return f"{value:+.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
 
 
 def aps_of(
