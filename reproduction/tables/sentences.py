@@ -24,7 +24,7 @@ from reproduction.claims.two_detectors import (
 )
 from reproduction.commands.experiments import at_catalogue_law
 from reproduction.tables import findings, verdicts
-from reproduction.tables.common import results, rows_with
+from reproduction.tables.common import results, rows_with, tenth
 
 WIDE, AVIA = "ruby_plus", "livox_avia"
 NAMES = {"pointpillars": "PointPillars", "pv-rcnn": "PV-RCNN", "dsvt": "DSVT"}
@@ -190,7 +190,7 @@ def detector_decides() -> str:
         "scene, as in the study, on the highway with the settings of the study. With this network, "
         f"the Avia's AP minus that of 128 lines is {difference(row)}. The verdict on the claim "
         f"`comparable` is `{row.verdict}`. With PV-RCNN and DSVT, which were trained once, it is "
-        f"{joined([f'{value:.1f}' for value in once])} AP, without an interval. The page on "
+        f"{joined([tenth(value) for value in once])} AP, without an interval. The page on "
         "[detectors](detectors.md) compares these networks."
     )
 

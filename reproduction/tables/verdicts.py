@@ -107,9 +107,10 @@ def _verdict(rows: pd.DataFrame, key: tuple[str, ...]) -> str:
 
 
 def with_interval(claim: str, value: float, low: float, high: float) -> str:
-    """Formats the value of a claim, with two decimals if one would show an end as its limit."""
+    """Formats the value of a claim, with as many decimals as tell its ends from the limits."""
     limits = next((c.low, c.high) for c in CLAIMS if c.name == claim)
-    digits = 2 if {round(low, 1), round(high, 1)} & {*limits} else 1
+    ends = [(end, limit) for end in (low, high) for limit in limits if end != limit]
+    digits = next(k for k in range(1, 17) if all(round(end, k) != limit for end, limit in ends))
     return f"{value:+.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
 
 
@@ -260,19 +261,20 @@ def variance() -> str:
 def costs() -> str:
     """Returns the number of trained detectors by scene, and the CPU time of their training.
 
-    The time of a training is a mean over the most frequent machine, and the sum is over all.
+    The time of a training is a mean over the machine with most trainings, and the sum is over all.
     """
     table = results("experiments")
     key = ["judge", "detector", "scene", "preset", "label_time", "replicate", "lidar"]
     key += ["training_cut_angle_deg"]
     table = table[table.train_cpu_s > 0].drop_duplicates(key)
-    machine = table.machine.mode()[0]
     rows = []
     for (judge, detector, scene), part in table.groupby(["judge", "detector", "scene"], sort=False):
+        machine = part.machine.mode()[0]
         seconds = part.train_cpu_s[part.machine == machine].mean()
-        figures = (f"{len(part)}", f"{seconds:.0f}", f"{part.train_cpu_s.sum() / 3600:.1f}")
+        hours = part.train_cpu_s.sum() / 3600
+        figures = (f"{len(part)}", f"{seconds:.0f}", machine, f"{hours:.1f}")
         rows.append([TRAINED[str(judge), str(detector)], str(scene), *figures])
-    heads = ["detector", "scene", "trainings", f"CPU s of a training on {machine}", "CPU h"]
+    heads = ["detector", "scene", "trainings", "CPU s of a training", "machine", "CPU h"]
     return markdown(heads, rows)
 
 

@@ -7,9 +7,20 @@ import pandas as pd
 import pytest
 
 from reproduction.claims import scanning
+from reproduction.claims.two_detectors import PRIMARY
+from reproduction.commands.experiments import LAW_EXPONENTS
 from reproduction.commands.verdicts import CHEAPER, CLAIMS, UNDECIDED, Claim
 from reproduction.commands.verdicts import verdict as verdict_of
-from reproduction.tables import integration, label_times, rungs, simulator, sites, stress, verdicts
+from reproduction.tables import (
+    integration,
+    label_times,
+    rungs,
+    simulator,
+    sites,
+    stress,
+    verdicts,
+    versions,
+)
 from reproduction.tables.common import markdown, results, with_interval
 
 
@@ -207,8 +218,50 @@ def test_times_of_different_machines_are_not_averaged(monkeypatch: pytest.Monkey
     some = slow[slow.replicate == 4]
     monkeypatch.setattr(verdicts, "results", lambda _: pd.concat([rows, some]))
     heads, row = cells(verdicts.costs())
-    assert heads[3] == "CPU s of a training on fast"
-    assert row[2:] == ["8", "60", "0.4"]
+    assert heads[2:] == ["trainings", "CPU s of a training", "machine", "CPU h"]
+    assert row[2:] == ["8", "60", "fast", "0.4"]
+
+
+def version_rows(verdict: str, value: float) -> pd.DataFrame:
+    """Returns a verdict of each primary detector, with an interval of 1 to either side."""
+    rows = [
+        {"judge": judge, "detector": detector, "value": value, "verdict": verdict}
+        for judge, detector in PRIMARY
+    ]
+    fixed = {"claim": "comparable", "scene": "curve", "preset": "paper", "subset": "captured"}
+    fixed |= {"label_time": "scan", "low": value - 1, "high": value + 1}
+    return pd.DataFrame(rows).assign(**fixed)
+
+
+def test_verdicts_are_compared_with_those_of_version_0_4(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = version_rows("holds", -1.0)
+    now = version_rows("fails below", -5.0).assign(law_exponent=LAW_EXPONENTS[0])
+    now.loc[1, ["value", "low", "high", "verdict"]] = [-1.9, -3.6, -0.2, "undecided"]
+    other = now.assign(law_exponent=LAW_EXPONENTS[1], verdict="fails above")
+    few = version_rows(versions.TOO_FEW, 0.0).assign(scene="highway", law_exponent=LAW_EXPONENTS[0])
+    tables = {"0.4/claims": before, "claims": pd.concat([now, other, few])}
+    monkeypatch.setattr(versions, "results", tables.__getitem__)
+    _, *rows = cells(versions.detection())
+    assert [row[3:] for row in rows] == [
+        [
+            "fine-tuned",
+            "`captured`",
+            "-1.0 [-2.0, 0.0] holds",
+            "-5.0 [-6.0, -4.0] fails below",
+            "yes",
+        ],
+        [
+            "PointPillars, trained at the scene",
+            *("`captured`", "-1.0 [-2.0, 0.0] holds", "-1.9 [-3.6, -0.2] undecided", "no"),
+        ],
+    ]
+    assert versions.counts_of(versions.of_detection()) == (2, 2, 1, 1)
+
+
+def test_an_end_near_a_limit_has_more_digits() -> None:
+    assert verdicts.with_interval("comparable", -4, -5, -3.02) == "-4.00 [-5.00, -3.02]"
+    assert verdicts.with_interval("comparable", -4, -5, -3.2) == "-4.0 [-5.0, -3.2]"
+    assert verdicts.with_interval("gentle", 1, -0.01, 2) == "+1.00 [-0.01, 2.00]"
 
 
 def test_cut_angles_of_training_and_test_make_a_table(monkeypatch: pytest.MonkeyPatch) -> None:
