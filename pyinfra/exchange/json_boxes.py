@@ -35,7 +35,7 @@ class UnitError(FormatError):
 def read_json(file: Path) -> Any:
     """Reads a JSON file. Raises FormatError if it is not valid JSON."""
     try:
-        return json.loads(file.read_text(encoding="utf-8"))
+        return json.loads(file.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as error:  # the file is not JSON or not UTF-8, for example
         raise FormatError(f"{file}: cannot be read as JSON: {error}") from None
 

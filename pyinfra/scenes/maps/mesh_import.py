@@ -127,7 +127,7 @@ def with_mesh(file: Path, entry: dict[str, Any]) -> str:
 
     Raises FormatError if the YAML style of `meshes` does not allow another line.
     """
-    lines = file.read_text().splitlines()
+    lines = file.read_text(encoding="utf-8-sig").splitlines()
     before = read_keys(file)
     line = f"- {{file: {entry['file']}, material: {entry['material']}}}"
     if "meshes" not in before:
