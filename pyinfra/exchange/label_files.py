@@ -21,7 +21,8 @@ from pyinfra.exchange.recording import (
     stem,
 )
 from pyinfra.exchange.tool_labels import has_degrees, read_label_cloud, read_sustech
-from pyinfra.formats.box_csv import BoxTable, read_box_csv, rows_of_names
+from pyinfra.formats.box_csv import BoxTable, read_box_csv, rows_of_frames
+from pyinfra.formats.track_names import names_in_frame, track_name
 
 FOLDERS = ("labels", "label")  # usual folders of labels in a recording
 CLOUD_FOLDERS = ("points", "", "lidar", "pcd", "pointclouds")  # usual folders of clouds
@@ -226,7 +227,7 @@ def _of_csv_files(clouds: list[Path], files: list[Path], options: Options) -> La
 
 def _of_one_csv(clouds: list[Path], file: Path, options: Options) -> LabelFiles:
     table = read_box_csv(file, options.label_columns)
-    rows = rows_of_names(file, table, [stem(cloud) for cloud in clouds])
+    rows = rows_of_frames(file, table, [(stem(cloud), stem(cloud)) for cloud in clouds])
     ids: dict[str, int] = {}
     texts = [f"{key} from {name}" for key, name in table.columns.items() if key != name]
     notes = [f"columns of {file.name}: {', '.join(texts)}"] if texts else []
