@@ -28,7 +28,6 @@ FOLDERS = ("labels", "label")  # usual folders of labels in a recording
 CLOUD_FOLDERS = ("points", "", "lidar", "pcd", "pointclouds")  # usual folders of clouds
 MOST_JSON = 20  # maximum number of files beside the clouds that are checked for OpenLABEL
 SUFFIXES = (".txt", ".json", ".csv")
-NO_TRACK = ("", "-1", "nan", "None")
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,8 +218,9 @@ def _of_csv_files(clouds: list[Path], files: list[Path], options: Options) -> La
     ids: dict[str, int] = {}
 
     def read(name: str) -> Boxes:
-        table = read_box_csv(by_name[name], options.label_columns)
-        return _boxes(table, np.arange(len(table.boxes)), ids)
+        file = by_name[name]
+        table = read_box_csv(file, options.label_columns)
+        return _boxes(file, table, np.arange(len(table.boxes)), ids)
 
     return LabelFiles(kept, read, tuple(files), tuple(notes), _digest(files, options))
 
@@ -236,17 +236,26 @@ def _of_one_csv(clouds: list[Path], file: Path, options: Options) -> LabelFiles:
         notes.append(f"{bare} of {len(clouds)} clouds have no row in {file.name}: no objects")
 
     def read(name: str) -> Boxes:
-        return _boxes(table, rows[name], ids) if name in rows else NO_BOXES
+        return _boxes(file, table, rows[name], ids) if name in rows else NO_BOXES
 
     return LabelFiles(clouds, read, (file,), tuple(notes), _digest([file], options))
 
 
-def _boxes(table: BoxTable, rows: IntArray, ids: dict[str, int]) -> Boxes:
+def _boxes(file: Path, table: BoxTable, rows: IntArray, ids: dict[str, int]) -> Boxes:
+    """Returns the boxes in rows (k,) of a table, which are those of a frame.
+
+    `ids` maps track names to numbers, and new tracks are added to it. The id of a box without a
+    track is -1. Boxes with the same track get ids of their own.
+    """
     tracks = None
     if table.tracks is not None:
         words = [table.tracks[i] for i in rows]
+        names = names_in_frame(words, [f"{file}:{table.lines[i]}" for i in rows])
         tracks = np.array(
-            [-1 if word in NO_TRACK else ids.setdefault(word, len(ids)) for word in words],
+            [
+                ids.setdefault(name, len(ids)) if track_name(word) else -1
+                for word, name in zip(words, names, strict=True)
+            ],
             dtype=np.int64,
         )
     return Boxes(table.names[rows], table.boxes[rows], tracks, unread=frozenset(table.unread))
