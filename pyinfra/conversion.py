@@ -329,20 +329,24 @@ def nuscenes_results(file: Path, source: Path) -> dict[int, Boxes]:
 
 
 def csv_detections(file: Path, lidar_folder: Path, columns: Mapping[str, str]) -> pd.DataFrame:
-    """Reads boxes of a .csv file as a table like that of `detect`, in the order of the file."""
+    """Reads boxes of a .csv file as a table like that of `detect`, in the order of the file.
+
+    The column `frame` has numbers of frames, or names of the recording's clouds (sources.csv). A
+    name with an ending is always that of a cloud. Raises FormatError for a number of two frames.
+    """
     from pyinfra.exchange.object_types import types_of
-    from pyinfra.formats.box_csv import read_box_csv, rows_of_names
+    from pyinfra.formats.box_csv import read_box_csv, rows_of_frames
 
     table, numbers = read_box_csv(file, columns), frame_numbers(lidar_folder, "all")
-    names = {f"{number:06d}": number for number in numbers}
+    names = [(f"{number:06d}", number) for number in numbers]
     if (sources := lidar_folder / "sources.csv").is_file():
-        names |= {row.source: int(row.frame) for row in read_words(sources).itertuples()}
+        names += [(row.source, int(row.frame)) for row in read_words(sources).itertuples()]
     out = pd.DataFrame(dict(zip(BOX, table.boxes.T, strict=True)))
     out["type"] = types_of(table.names, {}).astype(object)
     out["score"] = 1.0 if table.scores is None else table.scores
     out["frame"] = -1
-    for name, rows in rows_of_names(file, table, list(names)).items():
-        out.loc[rows, "frame"] = names[name]
+    for frame, rows in rows_of_frames(file, table, names).items():
+        out.loc[rows, "frame"] = frame
     bad = np.flatnonzero(~out["score"].between(0, 1))
     if len(bad) > 0:
         at = f"{file}:{table.lines[int(bad[0])]}: {table.columns['score']}"

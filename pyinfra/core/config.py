@@ -94,7 +94,7 @@ def read_config(file: Path, kind: type[T]) -> T:
     """Reads a YAML file into a dataclass `kind`. Raises ConfigError and FileNotFoundError."""
     try:
         check_size(file, MOST_BYTES)
-        node = compose(file.read_text(encoding="utf-8"))
+        node = compose(file.read_text(encoding="utf-8-sig"))
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         raise ConfigError(f"{file}:{line}: cannot be read as YAML: {error.problem}") from None

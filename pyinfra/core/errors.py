@@ -73,4 +73,5 @@ def refuse(*faults: tuple[object, str]) -> None:
 def keep_traceback(error: BaseException, file: Path) -> None:
     """Writes the traceback of an error to a file, for failures that do not stop the run."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text("".join(traceback.format_exception(error)), errors="backslashreplace")
+    text = "".join(traceback.format_exception(error))
+    file.write_text(text, encoding="utf-8", errors="backslashreplace")

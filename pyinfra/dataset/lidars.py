@@ -118,7 +118,7 @@ def _read_or_say(file: Path, preset: str) -> LidarSheet:
 
 def _plain(file: Path) -> dict[str, Any]:
     """Returns name, model, presets and price of a LiDAR file. They do not depend on the preset."""
-    top = yaml.load(file.read_text(encoding="utf-8"), _LOADER)
+    top = yaml.load(file.read_text(encoding="utf-8-sig"), _LOADER)
     units = [
         _plain(file.parent / unit["lidar"]) for unit in top.get("bundle", []) if "lidar" in unit
     ]

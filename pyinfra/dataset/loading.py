@@ -200,7 +200,7 @@ def file_of_keys(keys: Mapping[str, object]) -> Path:
     """Returns a file with the keys of a LiDAR, which is removed when the process ends."""
     text = yaml.safe_dump(_with_paths(plain(keys)), sort_keys=False)
     name = f"{sha256(text.encode()).hexdigest()[:16]}.yaml"
-    return own_file(name, lambda file: file.write_text(text))
+    return own_file(name, lambda file: file.write_text(text, encoding="utf-8"))
 
 
 def with_meshes(

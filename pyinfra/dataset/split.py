@@ -116,7 +116,7 @@ def write(data: DataSet, split: Split, *, force: bool = False, grown: bool = Fal
         for name, part in itertools.product(data.names, ("train", "val"))
     }
     for file, text in files.items():
-        old = file.read_text(encoding="utf-8") if file.exists() and not force else text
+        old = file.read_text(encoding="utf-8-sig") if file.exists() and not force else text
         if old != text and not (grown and set(old.splitlines()) <= set(text.splitlines())):
             raise FileExistsError(
                 f"{file}: expected no file or the same split, got a different split; `force` "

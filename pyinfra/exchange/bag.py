@@ -73,7 +73,6 @@ class Bag:
             weakref.finalize(self, _close, self._reader)
             self.is_ros2 = self._reader.is2
             self.topic, self.kind, self.contents = _scan(source, self._reader, options.channel)
-        self.ids: dict[str, int] = {}
         self._messages: Iterator[bytes] = iter(())
         self._next = -1
 
@@ -103,7 +102,7 @@ class Bag:
             cloud = levelled(cloud, T_levelled_sensor) if tilt else cloud
             if i not in of_cloud:
                 return cloud
-            boxes = ros.boxes_of(f"{location}: boxes", of_cloud[i], self.ids, to_levelled)
+            boxes = ros.boxes_of(f"{location}: boxes", of_cloud[i], to_levelled)
             return replace(cloud, boxes=boxes)
 
         digest = f"{self.source.name}:{contents.box_topic}:{len(times)}"
@@ -268,6 +267,11 @@ def _scan(source: Path, reader: Any, channel: str | None) -> tuple[str, str, Con
                 _message(reader, raw, connection.msgtype)
             ):
                 contents.frames.setdefault(child, (parent, transform))
+    numbered = ros.with_ids([entries for *_, entries in contents.boxes])
+    contents.boxes = [
+        (stamp, time, entries)
+        for (stamp, time, _), entries in zip(contents.boxes, numbered, strict=True)
+    ]
     if not contents.times_ns:
         raise FormatError(
             f"{source}: {topic}: expected point clouds, got none; the bag may be truncated"

@@ -178,29 +178,73 @@ def _velodyne_xml(file: Path, root: ElementTree.Element) -> BeamTable:
 
 
 def _columns(file: Path, text: str) -> BeamTable:
-    rows = [re.split(r"[,;\t ]+", line.strip()) for line in text.splitlines() if line.strip()]
-    head = [word.lower() for word in rows[0]] if rows else []
+    rows = _cells(text)
+    head = [word.lower() for word in rows[0][1]] if rows else []
     joined = " ".join(head)
     if "elevation" in joined and "azimuth" in joined:
-        words = [word for word in head if re.search("elevation|azimuth|channel|laser", word)]
-        at = [next(i for i, w in enumerate(words) if key in w) for key in ("elevation", "azimuth")]
-        values = [[number(file, v) for v in row] for row in rows[1:] if _is_number(row[0])]
-        beams = [(row[at[0]], row[at[1]]) for row in values if len(row) > max(at)]
-        return BeamTable("Hesai", "Hesai", beams)
+        values = _numbers(file, rows, ("elevation", "azimuth"))
+        return BeamTable("Hesai", "Hesai", [(elevation, azimuth) for elevation, azimuth in values])
     if "zenith" in joined:
-        values = [[number(file, v) for v in row[:3]] for row in rows[1:]]
+        values = _numbers(file, rows, ("^t|time", "azimuth", "zenith"))
         rays = [(azimuth, 90 - zenith, t) for t, azimuth, zenith in values]
         return BeamTable("Livox", "Livox", [], rays=rays)
     if head and all(map(_is_number, head)) and len(head) == 2:
-        return BeamTable(
-            "RoboSense",
-            "RoboSense",
-            [(number(file, e), number(file, a)) for e, a in rows],
-        )
+        values = _numbers(file, [(0, ["elevation", "azimuth"]), *rows], ("elevation", "azimuth"))
+        beams = [(elevation, azimuth) for elevation, azimuth in values]
+        return BeamTable("RoboSense", "RoboSense", beams)
     raise FormatError(
         f"{file}: expected a table of Hesai (Laser id, Elevation, Azimuth), RoboSense (two columns "
         f"of numbers) or Livox (time, azimuth, zenith), got '{' '.join(head)[:60]}'"
     )
+
+
+def _cells(text: str) -> list[tuple[int, list[str]]]:
+    """Returns the line number and the cells of each line that is not empty.
+
+    The first line has the separator of all lines: a semicolon, a tab, a comma, or else blanks. If
+    it is no comma, a comma in a number is its decimal point.
+    """
+    lines = [(n, line) for n, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    separator = next((sign for sign in ";\t," if lines and sign in lines[0][1]), None)
+    rows = []
+    for line_number, line in lines:
+        cells = [cell.strip(' "') for cell in line.split(separator)]
+        if separator != ",":
+            cells = [re.sub(r"^([+-]?[0-9]*),([0-9]+)$", r"\1.\2", cell) for cell in cells]
+        rows.append((line_number, cells))
+    return rows
+
+
+def _numbers(
+    file: Path, rows: list[tuple[int, list[str]]], columns: tuple[str, ...]
+) -> list[list[float]]:
+    """Returns the numbers in the columns whose headers match patterns, in each row with numbers.
+
+    The first row is the header. Rows without a number, such as units or a checksum, are left out.
+    Raises FormatError with the line for a missing column, and for a row with more or fewer cells
+    than the header.
+    """
+    (line, words), *others = rows
+    at = []
+    for column in columns:
+        fitting = [i for i, word in enumerate(words) if re.search(column, word.lower())]
+        if not fitting:
+            name = column.rpartition("|")[2]
+            raise FormatError(
+                f"{file}:{line}: expected a column with '{name}', got {', '.join(words)[:100]}"
+            )
+        at.append(fitting[0])
+    values = []
+    for line, cells in others:
+        if not any(map(_is_number, cells)):
+            continue
+        if len(cells) != len(words):
+            raise FormatError(
+                f"{file}:{line}: expected {len(words)} columns, got {len(cells)}; if commas "
+                "separate the columns, write numbers with a decimal point"
+            )
+        values.append([number(f"{file}:{line}: {words[i]}", cells[i]) for i in at])
+    return values
 
 
 def _is_number(word: str) -> bool:

@@ -28,6 +28,9 @@ def read_boxes(file: Path) -> Boxes:
         return Boxes(table.names, table.values)
     table.check((between(["id"], -1, 2**31 - 1, whole=True), between(["visibility"], -1, 1)))
     ids, visibility = table["id"].astype(np.int64), table["visibility"]
+    for i, number in enumerate(ids.tolist()):
+        if number >= 0 and number in ids[:i]:
+            table.fail(i, f"{number} twice", "each id once, or -1 for an unknown id", "id")
     return Boxes(table.names, table.values[:, :7], ids, visibility)
 
 

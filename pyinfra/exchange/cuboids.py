@@ -44,14 +44,22 @@ def read_sequence(file: Path, clouds: Sequence[str]) -> dict[str, Boxes]:
     frames, types = _frames_and_types(file)
     if not frames:
         raise FormatError(f"{file}: openlabel.frames: expected one or more frames, got none")
-    numbers = {int(name): name for name in clouds if name.isdecimal()}
+    numbers: dict[int, list[str]] = {}
+    for cloud in clouds:
+        if cloud.isdecimal():
+            numbers.setdefault(int(cloud), []).append(cloud)
     ids: dict[str, int] = {}
     out = {}
     for key, frame in frames.items():
         names = [PurePath(uri).stem for uri in _uris(frame)] + [key]
         name = next((name for name in names if name in clouds), None)
-        if name is None and key.isdecimal():
-            name = numbers.get(int(key))
+        if name is None and key.isdecimal() and (fitting := numbers.get(int(key))):
+            if len(fitting) > 1:
+                raise FormatError(
+                    f"{file}: frame {key}: expected the number of one cloud, got that of "
+                    f"{' and '.join(fitting)}; name the cloud in the `uri` of a stream"
+                )
+            name = fitting[0]
         if name is None:
             raise FormatError(
                 f"{file}: frame {key}: expected a point cloud named {names[0]}, got none"

@@ -18,13 +18,13 @@ from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import FormatError
 from pyinfra.exchange.recording import Boxes, digest_of
 from pyinfra.formats.kitti.layout import FARTHEST_M
+from pyinfra.formats.track_names import names_in_frame
 
 # Visible share for each `occluded_state`: not, partly and mostly occluded.
 VISIBILITY = {0: 0.9, 1: 0.6, 2: 0.2}
 BOX_KEYS = (("3d_location", "xyz"), ("3d_dimensions", "lwh"))
 # Keys of an object that are read.
 KNOWN = {"type", "3d_dimensions", "3d_location", "rotation", "occluded_state", "track_id"}
-NO_TRACK = ("None", "", "-1")  # values of track_id that mean an unknown track
 LEAST_M, MOST_M = 0.001, 1000.0
 
 
@@ -35,7 +35,7 @@ class UnitError(FormatError):
 def read_json(file: Path) -> Any:
     """Reads a JSON file. Raises FormatError if it is not valid JSON."""
     try:
-        return json.loads(file.read_text(encoding="utf-8"))
+        return json.loads(file.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as error:  # the file is not JSON or not UTF-8, for example
         raise FormatError(f"{file}: cannot be read as JSON: {error}") from None
 
@@ -50,9 +50,10 @@ def shown(content: object) -> str:
 def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
     """Reads the objects of a file.
 
-    `ids` maps track names to numbers, and new tracks are added to it. An object without a track
-    gets an id of its own. If `ids` is None, boxes get no ids. Objects without a valid box are left
-    out, and listed in `Boxes.left_out` with the key.
+    `ids` maps track names to numbers, and new tracks are added to it. An object without a track,
+    or with the track of another object of the file, gets an id of its own. If `ids` is None, boxes
+    get no ids. Objects without a valid box are left out, and listed in `Boxes.left_out` with the
+    key.
 
     Raises FormatError if the file is no list of objects, and for a rotation in degrees.
     """
@@ -98,10 +99,9 @@ def boxes_of(
     names = [str(entry.get(keys[0], "unknown")) or "unknown" for entry in chosen]
     tracks = None
     if ids is not None:
-        words = [str(entry.get(keys[1])) for entry in chosen]
-        single = [word not in NO_TRACK and words.count(word) == 1 for word in words]
-        named = [w if s else f"{file}:{i}" for w, s, i in zip(words, single, kept, strict=True)]
-        tracks = np.array([ids.setdefault(key, len(ids)) for key in named], dtype=np.int64)
+        words = [entry.get(keys[1]) for entry in chosen]
+        named = names_in_frame(words, [f"{file}: object {i}" for i in kept])
+        tracks = np.array([ids.setdefault(name, len(ids)) for name in named], dtype=np.int64)
     values = np.array(rows, dtype=np.float64).reshape(-1, 7)
     unread = frozenset().union(*objects) - known
     boxes = Boxes(np.array(names, dtype=np.str_), values, tracks, None, tuple(left_out), unread)

@@ -21,13 +21,13 @@ from pyinfra.exchange.recording import (
     stem,
 )
 from pyinfra.exchange.tool_labels import has_degrees, read_label_cloud, read_sustech
-from pyinfra.formats.box_csv import BoxTable, read_box_csv, rows_of_names
+from pyinfra.formats.box_csv import BoxTable, read_box_csv, rows_of_frames
+from pyinfra.formats.track_names import names_in_frame, track_name
 
 FOLDERS = ("labels", "label")  # usual folders of labels in a recording
 CLOUD_FOLDERS = ("points", "", "lidar", "pcd", "pointclouds")  # usual folders of clouds
 MOST_JSON = 20  # maximum number of files beside the clouds that are checked for OpenLABEL
 SUFFIXES = (".txt", ".json", ".csv")
-NO_TRACK = ("", "-1", "nan", "None")
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,15 +218,16 @@ def _of_csv_files(clouds: list[Path], files: list[Path], options: Options) -> La
     ids: dict[str, int] = {}
 
     def read(name: str) -> Boxes:
-        table = read_box_csv(by_name[name], options.label_columns)
-        return _boxes(table, np.arange(len(table.boxes)), ids)
+        file = by_name[name]
+        table = read_box_csv(file, options.label_columns)
+        return _boxes(file, table, np.arange(len(table.boxes)), ids)
 
     return LabelFiles(kept, read, tuple(files), tuple(notes), _digest(files, options))
 
 
 def _of_one_csv(clouds: list[Path], file: Path, options: Options) -> LabelFiles:
     table = read_box_csv(file, options.label_columns)
-    rows = rows_of_names(file, table, [stem(cloud) for cloud in clouds])
+    rows = rows_of_frames(file, table, [(stem(cloud), stem(cloud)) for cloud in clouds])
     ids: dict[str, int] = {}
     texts = [f"{key} from {name}" for key, name in table.columns.items() if key != name]
     notes = [f"columns of {file.name}: {', '.join(texts)}"] if texts else []
@@ -235,17 +236,26 @@ def _of_one_csv(clouds: list[Path], file: Path, options: Options) -> LabelFiles:
         notes.append(f"{bare} of {len(clouds)} clouds have no row in {file.name}: no objects")
 
     def read(name: str) -> Boxes:
-        return _boxes(table, rows[name], ids) if name in rows else NO_BOXES
+        return _boxes(file, table, rows[name], ids) if name in rows else NO_BOXES
 
     return LabelFiles(clouds, read, (file,), tuple(notes), _digest([file], options))
 
 
-def _boxes(table: BoxTable, rows: IntArray, ids: dict[str, int]) -> Boxes:
+def _boxes(file: Path, table: BoxTable, rows: IntArray, ids: dict[str, int]) -> Boxes:
+    """Returns the boxes in rows (k,) of a table, which are those of a frame.
+
+    `ids` maps track names to numbers, and new tracks are added to it. The id of a box without a
+    track is -1. Boxes with the same track get ids of their own.
+    """
     tracks = None
     if table.tracks is not None:
         words = [table.tracks[i] for i in rows]
+        names = names_in_frame(words, [f"{file}:{table.lines[i]}" for i in rows])
         tracks = np.array(
-            [-1 if word in NO_TRACK else ids.setdefault(word, len(ids)) for word in words],
+            [
+                ids.setdefault(name, len(ids)) if track_name(word) else -1
+                for word, name in zip(words, names, strict=True)
+            ],
             dtype=np.int64,
         )
     return Boxes(table.names[rows], table.boxes[rows], tracks, unread=frozenset(table.unread))

@@ -6,6 +6,7 @@ jsk_recognition_msgs, and of Livox's drivers.
 
 from __future__ import annotations
 
+import itertools
 import struct
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,8 @@ from pyinfra.core.arrays import FloatArray, Records
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.exchange.json_boxes import checked_box
 from pyinfra.exchange.recording import Boxes
+from pyinfra.exchange.series import NEW_IDS
+from pyinfra.formats.track_names import names_in_frame
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 LIVOX = tuple(
@@ -43,9 +46,10 @@ class Entry(NamedTuple):
 
     frame_id: str  # empty if the message does not state the frame
     name: str
-    track: str
+    track: str  # name of the track, as the message has it
     pose: Any
     size: Any
+    id: int = -1  # number of the track, which `with_ids` sets
 
 
 def header_stamp_ns(raw: bytes, *, is_ros2: bool) -> int:
@@ -186,16 +190,38 @@ def box_entries(message: Any, kind: str) -> list[Entry]:
     return list({MARKERS: _markers, DETECTIONS: _detections, JSK_BOXES: _jsk}[kind](message))
 
 
-def boxes_of(
-    location: str, entries: Sequence[Entry], ids: dict[str, int], to_cloud: Mapping[str, Transform]
-) -> Boxes:
+def with_ids(messages: Sequence[Sequence[Entry]]) -> list[list[Entry]]:
+    """Returns the boxes of all messages of a topic with the numbers of their tracks.
+
+    A track keeps the number that its name is or ends with, if no earlier track has it; other tracks
+    get new numbers. A box without a track, or with that of another box of its message, gets a
+    number of its own. Numbers do not depend on the cloud that a message belongs to, so that all
+    LiDARs of a bag share them.
+    """
+    new = itertools.count(NEW_IDS)  # above all numbers of tracks, which have at most nine digits
+    ids: dict[str, int] = {}
+    taken: set[int] = set()
+    out = []
+    for k, entries in enumerate(messages):
+        places = [f"message {k}, box {i}" for i in range(len(entries))]
+        names = names_in_frame([entry.track for entry in entries], places)
+        for name in names:
+            if name not in ids:
+                word = name.rpartition("/")[2]
+                number = int(word) if word.isdecimal() and len(word) < 10 else None
+                ids[name] = next(new) if number is None or number in taken else number
+                taken.add(ids[name])
+        out.append([e._replace(id=ids[name]) for e, name in zip(entries, names, strict=True)])
+    return out
+
+
+def boxes_of(location: str, entries: Sequence[Entry], to_cloud: Mapping[str, Transform]) -> Boxes:
     """Returns the boxes of a message in the frame of the cloud.
 
-    `to_cloud` has the transform of each frame. `ids` maps the names of tracks to numbers, and new
-    tracks are added to it. Invalid boxes are left out.
+    `to_cloud` has the transform of each frame. Invalid boxes are left out.
     """
-    rows, names, tracks, left_out = [], [], [], []
-    for i, (frame_id, name, track, pose, size) in enumerate(entries):
+    rows, names, ids, left_out = [], [], [], []
+    for i, (frame_id, name, _, pose, size, number) in enumerate(entries):
         p, q = pose.position, pose.orientation
         turn = np.array([q.x, q.y, q.z, q.w], dtype=np.float64)
         if not turn.any():  # some programs do not set the orientation
@@ -215,23 +241,22 @@ def boxes_of(
             left_out.append(str(error))
             continue
         names.append(name or "unknown")
-        key = track or f"{location}:{i}"
-        number = int(key) if key.isdecimal() and len(key) < 10 else None
-        tracks.append(ids.setdefault(key, len(ids) if number is None else number))
-    unique = len(set(tracks)) == len(tracks)
+        ids.append(number)
     return Boxes(
         np.array(names, dtype=np.str_),
         np.array(rows, dtype=np.float64).reshape(-1, 7),
-        np.array(tracks, dtype=np.int64) if unique else None,
+        np.array(ids, dtype=np.int64),
         left_out=tuple(left_out),
     )
 
 
 def _markers(message: Any) -> Iterator[Entry]:
+    """Yields the cubes. As in RViz, a marker is identified by its namespace and its number."""
     for marker in message.markers:
         if int(marker.type) == _CUBE and int(marker.action) == _ADD:
-            name, number = str(marker.ns), str(int(marker.id))
-            yield Entry(_frame_of(marker), name, number, marker.pose, marker.scale)
+            name = str(marker.ns)
+            track = f"{name}/{int(marker.id)}"
+            yield Entry(_frame_of(marker), name, track, marker.pose, marker.scale)
 
 
 def _detections(message: Any) -> Iterator[Entry]:

@@ -10,6 +10,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -41,6 +42,7 @@ NUMBERS = ("x", "y", "z", "length", "width", "height", "yaw")  # keys of a box, 
 SIZES = ("length", "width", "height")
 ALTERNATIVES = {"z": "z_bottom", "yaw": "yaw_deg"}  # keys that can replace z and yaw
 FARTHEST_M, MOST_M = 1e4, 1000.0
+Frame = TypeVar("Frame", bound=int | str)  # the number of a frame, or the name of its cloud
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,34 +96,47 @@ def read_box_csv(file: Path, columns: Mapping[str, str] | None = None) -> BoxTab
     )
 
 
-def rows_of_names(file: Path, table: BoxTable, names: Sequence[str]) -> dict[str, IntArray]:
-    """Returns the rows (k,) of each frame that has boxes. `names` are those of the frames.
+def rows_of_frames(
+    file: Path, table: BoxTable, names: Sequence[tuple[str, Frame]]
+) -> dict[Frame, IntArray]:
+    """Returns the rows (k,) of each frame that has boxes.
 
-    The column `frame` has a name, with or without ending and folder, or a number. Raises
-    FormatError for a table without this column, and for an unknown frame.
+    names: pairs of a name and its frame; of two frames with the same name, the last one counts. The
+    column `frame` has a name, with or without ending and folder, or a number. Raises FormatError
+    for a table without this column, for an unknown frame, and for a number of two frames.
     """
     if table.frames is None:
         raise FormatError(
             f"{file}:1: expected a column `frame` with names or numbers of clouds, got the columns "
             f"{', '.join(table.columns.values())}; frame=COLUMN names this column"
         )
-    known = {name: name for name in names}
-    numbers = {int(name): name for name in names if name.isdecimal()}
-    rows: dict[str, list[int]] = {}
+    frames = dict(names)
+    numbered: dict[int, dict[Frame, str]] = {}
+    for name, frame in names:
+        if name.isdecimal():
+            numbered.setdefault(int(name), {}).setdefault(frame, name)
+    rows: dict[Frame, list[int]] = {}
     for i, word in enumerate(table.frames):
+        at = f"{file}:{table.lines[i]}: {table.columns['frame']}"
+        whole = word.removesuffix(".0")
+        is_number = whole.isdecimal() and len(whole) < 20
+        fitting = numbered.get(int(whole), {}) if is_number else {}
+        if len(fitting) > 1:
+            meanings = " and ".join(f"frame {frame} ('{n}')" for frame, n in fitting.items())
+            raise FormatError(
+                f"{at}: expected a number of one frame, got '{word[:40]}' for {meanings}; write "
+                f"names of clouds with their ending, such as {word}.pcd"
+            )
         path = Path(word)
         words = (word, path.name, path.name.removesuffix(path.suffix))
-        name = next((known[w] for w in words if w in known), None)
-        if name is None and (whole := word.removesuffix(".0")).isdecimal():
-            name = numbers.get(int(whole))
-        if name is None:
-            example = f", such as {names[0]}" if names else ""
+        found = [*(frames[w] for w in words if w in frames), *fitting]
+        if not found:
+            example = f", such as {names[0][0]}" if names else ""
             raise FormatError(
-                f"{file}:{table.lines[i]}: {table.columns['frame']}: expected the name or number "
-                f"of a cloud{example}, got '{word[:40]}'"
+                f"{at}: expected the name or number of a cloud{example}, got '{word[:40]}'"
             )
-        rows.setdefault(name, []).append(i)
-    return {name: np.array(values, dtype=np.int64) for name, values in rows.items()}
+        rows.setdefault(found[0], []).append(i)
+    return {frame: np.array(values, dtype=np.int64) for frame, values in rows.items()}
 
 
 def parse_columns(words: Sequence[str]) -> dict[str, str]:

@@ -173,7 +173,7 @@ def boxes_of_line(line: str) -> tuple[float, Boxes]:
     Raises FormatError.
     """
     try:
-        value = json.loads(line)
+        value = json.loads(line.removeprefix("\ufeff"))  # some programs begin with this mark
         time_s, rows = float(value["t_s"]), list(value["boxes"])
         table = pd.DataFrame(rows, columns=["type", *BOX, "score"])
         table[[*BOX, "score"]] = table[[*BOX, "score"]].astype(float)

@@ -53,7 +53,7 @@ SCALES_M = (10, 20, 50, 100, 200, 500, 1000)
 def read_lanes(file: Path) -> dict[str, FloatArray]:
     """Reads x, y, z, width (n, 4) of each lane of lanes.csv. Raises MapError with the line."""
     lanes: dict[str, list[list[float]]] = defaultdict(list)
-    with file.open(newline="") as stream:
+    with file.open(encoding="utf-8-sig", newline="") as stream:
         rows = csv.reader(stream)
         if (head := next(rows, [])) != ["lane", "x", "y", "z", "width"]:
             got = ",".join(head)[:100]

@@ -85,14 +85,16 @@ class Messages:
             orientation=self.quaternion(turn.inv() * upright),
         )
 
-    def marker(self, frame: str, time_s: float, *, action: int = 0, number: int = 7) -> Any:
+    def marker(
+        self, frame: str, time_s: float, *, action: int = 0, number: int = 7, ns: str = "Car"
+    ) -> Any:
         header = self.bag.header(time_s, frame)
         zero = self.message("builtin_interfaces/msg/Duration", sec=0, nanosec=0)
         colour = self.message("std_msgs/msg/ColorRGBA", r=1.0, g=1.0, b=1.0, a=1.0)
         return self.message(
             "visualization_msgs/msg/Marker",
             header=header,
-            ns="Car",
+            ns=ns,
             id=number,
             type=1,
             action=action,
@@ -135,13 +137,22 @@ class Messages:
                 name, header=inner, pose=pose, dimensions=size, value=1.0, label=np.uint32(1)
             )
             return self.message(f"{name}Array", header=outer, boxes=[box])
-        box = self.message("vision_msgs/msg/BoundingBox3D", center=pose, size=size)
-        detection = self.message(
-            "vision_msgs/msg/Detection3D", header=inner, results=[], bbox=box, id="7"
+        return self.detections("7", header=outer, inner=inner, pose=pose)
+
+    def detections(self, *ids: str, header: Any, inner: Any = None, pose: Any = None) -> Any:
+        """Returns a message with a box for each id."""
+        box = self.message(
+            "vision_msgs/msg/BoundingBox3D",
+            center=pose or self.pose("lidar"),
+            size=self.vector("Vector3", BOX_M[1]),
         )
-        return self.message(
-            "vision_msgs/msg/Detection3DArray", header=outer, detections=[detection]
-        )
+        boxes = [
+            self.message(
+                "vision_msgs/msg/Detection3D", header=inner or header, results=[], bbox=box, id=word
+            )
+            for word in ids
+        ]
+        return self.message("vision_msgs/msg/Detection3DArray", header=header, detections=boxes)
 
 
 def write(path: Path, message: Any, *, topics: tuple[str, ...] = ("lidar",), tf: bool = True):
@@ -232,3 +243,37 @@ def test_boxes_without_any_stamp_are_paired_by_the_times_of_the_bag(tmp_path: Pa
     )
     assert [len(recording.read(k).boxes) for k in range(4)] == [0, 1, 1, 1]
     assert any("4 messages without a stamp are paired" in note for note in recording.notes())
+
+
+@pytest.mark.parametrize("topic", ["lidar", "camera"])
+def test_each_name_of_a_track_has_a_number_of_its_own(topic: str, tmp_path: Path) -> None:
+    """Decimal names keep their numbers. Clouds of both topics have the same numbers."""
+    names = [("1", "", "a1-uuid"), ("0", "a1-uuid", "7.0"), ("7", "7", "-1", "1"), ("7", "01")]
+
+    def message(m: Messages, time_s: float) -> Any:
+        k = round((time_s - START_S) / PERIOD_S)
+        return m.detections(*names[k], header=m.bag.header(time_s, "lidar"))
+
+    path = write(tmp_path / "a", message, topics=("lidar", "camera"))
+    recording = read(path, Options(channel=f"/{topic}/points"))
+    new = 2**30
+    ids = {k: recording.read(k).boxes.ids for k in (3, 1, 0, 2)}
+    assert ids[0].tolist() == [1, new, new + 1]
+    assert ids[1].tolist() == [0, new + 1, 7]
+    assert ids[2].tolist() == [new + 2, new + 3, new + 4, 1]
+    assert ids[3].tolist() == [7, 1]
+
+
+def test_a_marker_is_identified_by_namespace_and_number(tmp_path: Path) -> None:
+    """This is the identity of RViz. A repeated marker has a number of its own."""
+
+    def message(m: Messages, time_s: float) -> Any:
+        marks = [("car", 0), ("pedestrian", 0), ("", 0), ("", -1), ("car", 5), ("car", 5)]
+        return m.markers(*(m.marker("lidar", time_s, ns=ns, number=n) for ns, n in marks))
+
+    recording = read(write(tmp_path / "a", message), Options())
+    first, later = (recording.read(k).boxes.ids.tolist() for k in (0, 3))
+    assert first[0] == 0
+    assert len(set(first)) == 6
+    assert later[:4] == first[:4]
+    assert not set(later[4:]) & set(first)

@@ -49,6 +49,24 @@ TABLES = {
     "vlp.yaml": (velodyne(), "Velodyne", 16, (-15.0, 0.0)),
     "vlp.xml": (veloview(), "Velodyne", 16, (-15.0, 0.0)),
     "hesai.csv": ("\ufeff" + HESAI, "Hesai", 3, (14.9, -1.04)),
+    "hesai_times.csv": (
+        "Channel,Firetime,Elevation,Azimuth\n1,5.6,14.9,-1.04\n2,7,11,1.04\n3,9,8.1,0\n",
+        *("Hesai", 3, (14.9, -1.04)),
+    ),
+    "hesai_azimuth.csv": (
+        "Azimuth,No,Elevation,Laser id\n-1.04,x,14.9,1\n1.04,x,11.0,2\n0,x,8.1,3\n",
+        *("Hesai", 3, (14.9, -1.04)),
+    ),
+    "hesai_commas.csv": (
+        "Channel;Firetime;Elevation;Azimuth\n1;5,6;14,9;-1,04\n2;7;11;1,04\n;;deg;deg\n",
+        *("Hesai", 2, (14.9, -1.04)),
+    ),
+    "hesai_tabs.csv": (
+        "Laser id\tElevation\tAzimuth\r\n1\t14,9\t-1,04\r\n",
+        *("Hesai", 1, (14.9, -1.04)),
+    ),
+    "robosense_commas.csv": ("-13,5;2,1\n-1,1;0,5\n", "RoboSense", 2, (-13.5, 2.1)),
+    "robosense_blanks.csv": ("-13.5 2.1\n -1.1  0.5\n", "RoboSense", 2, (-13.5, 2.1)),
     "robosense.csv": ("-13.5,2.1\n-1.1,0.5\n4.3,-2\n", "RoboSense", 3, (-13.5, 2.1)),
 }
 
@@ -82,6 +100,8 @@ def test_rays_of_livox(tmp_path: Path) -> None:
     table = read_beam_table(tmp_path / "a.csv")
     assert table.rays is not None
     assert table.rays[0] == pytest.approx((1, 29, 1 / 240000))
+    (tmp_path / "b.csv").write_text("Zenith/deg;Azimuth/deg;Time/s\n61,5;1,25;0,1\n")
+    assert read_beam_table(tmp_path / "b.csv").rays == [pytest.approx((1.25, 28.5, 0.1))]
     write_lidar_file(table, tmp_path / "mid.yaml")
     assert math.isfinite(read_sheet(tmp_path / "mid.yaml", "").vertical_fov_deg)
 
@@ -96,6 +116,10 @@ def test_rays_of_livox(tmp_path: Path) -> None:
         ("a.yaml", "lasers: [{vert_correction: 15}]", "expected an elevation of -90 to 90 degrees"),
         ("a.xml", "<a/>", "expected Velodyne's elements <vertCorrection_>"),
         ("a.csv", "x,y,z\n", "expected a table of Hesai"),
+        ("a.csv", HESAI.replace("14.9", "14,9"), ":2: expected 3 columns, got 4.*decimal point"),
+        ("a.csv", HESAI.replace("14.9", "x"), ":2: Elevation: expected a finite number, got 'x'"),
+        ("a.csv", "a,azimuth,zenith\n1,2,3\n", ":1: expected a column with 'time', got a, azimu"),
+        ("a.csv", "-13.5,2.1\n-1.1\n", ":2: expected 2 columns, got 1"),
     ],
 )
 def test_other_content_is_named(name: str, text: str, message: str, tmp_path: Path) -> None:

@@ -66,6 +66,13 @@ def test_surfaces_keep_their_area_their_place_and_their_side(kind: str, tmp_path
     assert middles.min(axis=0) == pytest.approx([84_000, 446_000, 3], abs=8)
 
 
+def test_a_file_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    file = written(tmp_path, city())
+    before = read_city_json(file)
+    file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
+    assert np.array_equal(read_city_json(file).vertices, before.vertices)
+
+
 def test_a_file_of_the_ending_is_a_mesh(tmp_path: Path) -> None:
     assert len(_read(written(tmp_path, city())).faces) > 20
 

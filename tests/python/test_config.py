@@ -44,6 +44,12 @@ def test_a_file_fills_the_class_and_keeps_its_defaults(tmp_path: Path) -> None:
     assert from_plain(as_plain(parsed), Outer, "plain") == parsed
 
 
+def test_a_file_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    file = tmp_path / "c.yaml"
+    file.write_bytes(b"\xef\xbb\xbf" + "name: Straße\nkind: b\n".encode())
+    assert read_config(file, Outer).name == "Straße"
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -18,6 +18,7 @@ from test_import_public import LAYOUTS as PUBLIC
 import pyinfra as pi
 from pyinfra.cli import main
 from pyinfra.core.errors import Error, FormatError
+from pyinfra.exchange.box_text import read_boxes
 from pyinfra.exchange.data_set import LidarFacts
 from pyinfra.exchange.formats import reader
 from pyinfra.exchange.guess import guess_format
@@ -27,6 +28,7 @@ from pyinfra.exchange.unread import unread_files
 from pyinfra.formats import kitti
 from pyinfra.formats.box_csv import read_box_csv
 from pyinfra.formats.pcd_file import write_pcd
+from pyinfra.formats.track_names import track_name
 
 # Class, track, x y z length width height heading, and the roll of the box.
 BOXES = [
@@ -433,3 +435,126 @@ def test_predictions_have_the_calibrations_of_their_frames(tmp_path: Path) -> No
     for frame in frames:
         name = f"{frame:06d}.txt"
         assert (again / name).read_bytes() == (tmp_path / "boxes" / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("word", "name"),
+    [
+        *((word, "") for word in ("", " ", "-1", "-1.0", "NaN", "nan", "None", None, "NULL", -1.0)),
+        *((word, "7") for word in ("7", "7.0", "7.", "007", 7, 7.0)),
+        ("1.6e+18", "1600000000000000000"),
+        *((word, word) for word in ("a1-uuid", "7.5", "12e4", "0e1", "car/-1", "1" * 5000)),
+    ],
+)
+def test_equal_ids_of_tracks_have_one_name(word: object, name: str) -> None:
+    assert track_name(word) == name
+
+
+def table_of(ids: list[list[str]]) -> str:
+    """Returns a table with a box for each id of each frame."""
+    rows = [
+        f"{4 + k},{word},car,{10 * j},0,-5.25,4.5,1.9,1.5,0"
+        for k, words in enumerate(ids)
+        for j, word in enumerate(words)
+    ]
+    return "\n".join(["frame,id,class,x,y,z,length,width,height,yaw", *rows]) + "\n"
+
+
+IDS = [["-1.0", "NaN", "7", "9", "9"], ["-1", "", "9.0", "7.0", "a"], ["nan", "None", "9", "a"]]
+
+
+@pytest.mark.parametrize("kind", ["csv", "json"])
+def test_unknown_and_repeated_ids_join_no_boxes(kind: str, tmp_path: Path) -> None:
+    """Table programs write -1.0 and 7.0 if a column of ids has an empty cell."""
+    write_clouds(tmp_path / "source")
+    if kind == "csv":
+        (tmp_path / "boxes.csv").write_text(table_of(IDS))
+    else:
+        (tmp_path / "labels").mkdir()
+        box = {"3d_location": dict.fromkeys("xyz", 1), "3d_dimensions": dict.fromkeys("lwh", 2)}
+        for name, words in zip(FRAMES, IDS, strict=True):
+            entries = [{"type": "Car", "track_id": word, **box, "rotation": 0} for word in words]
+            (tmp_path / f"labels/{name}.json").write_text(json.dumps(entries))
+    labels = tmp_path / ("boxes.csv" if kind == "csv" else "labels")
+    recording = reader("pcd")(tmp_path / "source", Options(labels=labels))
+    first, second, third = (recording.read(k).boxes.ids.tolist() for k in range(3))
+    assert first[2] == second[3]
+    assert (second[2], second[4]) == (third[2], third[3])
+    known = [*first, *second[2:3], *second[4:]]
+    unknown = [*first[:2], *second[:2], *third[:2]]
+    if kind == "csv":
+        assert set(unknown) == {-1}
+        known = known[2:]
+    else:
+        known += [*second[:2], *third[:2]]
+    assert len(set(known)) == len(known)  # the repeated 9 has two ids, and neither is that of 9
+    facts = LidarFacts("pole", "junction")
+    import_recording(tmp_path / "source", "pcd", tmp_path / "a/b", facts, Options(labels=labels))
+
+
+def test_a_repeated_id_in_a_text_file_is_refused_with_its_line(tmp_path: Path) -> None:
+    row = "1 2 3 4 2 1.5 0 Car 7 0.5\n"
+    (tmp_path / "a.txt").write_text(row + row.replace(" 7 ", " -1 ") * 2 + row)
+    with pytest.raises(FormatError, match=r"a.txt:4: id: expected each id once"):
+        read_boxes(tmp_path / "a.txt")
+
+
+def marked(folder: Path) -> None:
+    """Writes a byte order mark into all text files of a folder."""
+    for file in folder.rglob("*"):
+        if file.suffix in (".json", ".csv", ".txt", ".yaml"):
+            file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes().removeprefix(b"\xef\xbb\xbf"))
+
+
+@pytest.mark.parametrize("name", [*KINDS, *PUBLIC, "nuscenes"])
+def test_files_may_begin_with_a_byte_order_mark(name: str, motorway: Path, tmp_path: Path) -> None:
+    """Editors of Windows write this mark."""
+    if name in KINDS:
+        options = KINDS[name](tmp_path / "set")
+        source, kind = tmp_path / "set" / ("clouds" if options.labels else ""), "pcd"
+    else:
+        source, kind, options = made(name, motorway, tmp_path), name, Options()
+    plain = reader(kind)(source, options)
+    boxes = [plain.read(i).boxes for i in range(len(plain.names))]
+    marked(tmp_path)
+    again = reader(kind)(source, options)
+    for i, before in enumerate(boxes):
+        after = again.read(i).boxes
+        assert np.array_equal(after.boxes, before.boxes)
+        assert np.array_equal(after.names, before.names)
+    assert again.pose == plain.pose
+
+
+def recording_of(numbers: dict[str, int], folder: Path) -> Path:
+    """Writes a recording whose clouds (keys) have the numbers of frames."""
+    for number in numbers.values():
+        labels = kitti.Labels(np.empty(0, dtype=np.str_), np.empty((0, 7)), None)
+        kitti.write_frame(folder, number, road(number, 300), labels)
+    rows = "".join(f"{number},{name}\n" for name, number in numbers.items())
+    (folder / "sources.csv").write_text(f"frame,source\n{rows}")
+    return folder
+
+
+@pytest.mark.parametrize("word", ["1", "000001", "1.0", "01"])
+def test_a_number_of_two_frames_is_refused(word: str, tmp_path: Path) -> None:
+    """The cloud 000001 is frame 2, and frame 1 is the cloud 000000."""
+    lidar = recording_of({"000000": 1, "000001": 2}, tmp_path / "data/pole")
+    header = "frame,class,x,y,z,length,width,height,yaw\n"
+    table = tmp_path / "boxes.csv"
+    table.write_text(f"{header}{word},Car,{ROW}\n")
+    with pytest.raises(FormatError, match=r"boxes.csv:2: frame: expected a number of one frame"):
+        pi.Detections.from_csv(table, lidar)
+    table.write_text(f"{header}000001.pcd,Car,{ROW}\n2,Car,{ROW}\n0,Car,{ROW}\n")
+    assert pi.Detections.from_csv(table, lidar).frame.tolist() == [2, 2, 1]
+
+
+def test_a_number_of_two_clouds_is_refused(tmp_path: Path) -> None:
+    write_clouds(tmp_path / "source")
+    for old, new in zip(FRAMES, ("1", "01", "2"), strict=True):
+        (tmp_path / f"source/{old}.pcd").rename(tmp_path / f"source/{new}.pcd")
+    (tmp_path / "boxes.csv").write_text(table_of([["7"]]).replace("\n4,", "\n1,"))
+    with pytest.raises(FormatError, match=r"boxes.csv:2: frame: expected a number of one frame"):
+        reader("pcd")(tmp_path / "source", Options(labels=tmp_path / "boxes.csv"))
+    one_open_label(tmp_path, {"001": {}})
+    with pytest.raises(FormatError, match=r"frame 001: expected the number of one cloud"):
+        reader("pcd")(tmp_path / "source", Options(labels=tmp_path / "labels.json"))

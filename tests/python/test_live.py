@@ -66,6 +66,11 @@ def test_a_wrong_line_is_refused(line: str) -> None:
         live.boxes_of_line(line)
 
 
+def test_the_first_line_may_begin_with_a_byte_order_mark() -> None:
+    time_s, boxes = live.boxes_of_line('\ufeff{"t_s": 1, "boxes": []}')
+    assert (time_s, len(boxes)) == (1, 0)
+
+
 @pytest.mark.parametrize("kind", ["", '"type": 3,', '"type": ["Car"],', '"type": null,'])
 def test_a_box_without_a_type_is_refused(kind: str) -> None:
     numbers = ", ".join(f'"{name}": 1' for name in (*BOX, "score"))

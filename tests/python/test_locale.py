@@ -1,5 +1,6 @@
 """A process whose locale has a decimal comma gets the same texts from the extension."""
 
+import ast
 import os
 import subprocess
 import sys
@@ -50,3 +51,28 @@ def test_texts_do_not_depend_on_the_decimal_point_of_the_process(tmp_path: Path)
     assert (point[1], comma[1]) == ("1.5", "1,5")
     assert point[0] == comma[0]
     assert len(point[0].splitlines()) > 300
+
+
+def is_text_without_encoding(call: ast.Call) -> bool:
+    """Returns whether a call reads or writes text in the encoding of the locale."""
+    name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+    owner = ast.unparse(call.func).rpartition(".")[0]
+    if owner in ("os", "bz2", "gzip", "laspy", "Image", "self._reader"):
+        return False
+    modes = [a.value for a in call.args if isinstance(a, ast.Constant)]
+    if any(key.arg == "encoding" for key in call.keywords):
+        return False
+    if name == "open":
+        return not any("b" in str(mode) for mode in modes)
+    return len(call.args) == {"read_text": 0, "write_text": 1}.get(name)
+
+
+def test_text_files_do_not_depend_on_the_encoding_of_the_locale() -> None:
+    """Names with letters beyond ASCII, in any locale, are those of the file."""
+    found = [
+        f"{file.relative_to(ROOT)}:{node.lineno}"
+        for file in sorted((ROOT / "pyinfra").rglob("*.py"))
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and is_text_without_encoding(node)
+    ]
+    assert found == []

@@ -82,6 +82,16 @@ def test_a_scene_without_meshes_gets_some(site: Path, tmp_path: Path) -> None:
     assert scene["meshes"] == [{"file": "meshes/a.ply", "material": "terrain"}]
 
 
+def test_a_scene_may_begin_with_a_byte_order_mark(site: Path, tmp_path: Path) -> None:
+    """The names in the scene may have any letters, whatever the locale is."""
+    text = SCENE.replace("# surfaces", "# Straßen")
+    file = site / "site.yaml"
+    file.write_bytes(b"\xef\xbb\xbf" + text.encode())
+    assert main(["site", "mesh", str(house(tmp_path, "a.stl")), "--out", str(site)]) == 0
+    line = "  - {file: meshes/a.ply, material: structure}\n"
+    assert file.read_text(encoding="utf-8") == text.replace("meshes:\n", f"meshes:\n{line}")
+
+
 def test_the_simulator_takes_it(site: Path, tmp_path: Path, infrasim: Infrasim) -> None:
     file = house(tmp_path, "house.glb")
     assert main(["site", "mesh", str(file), "--out", str(site), "--offset=40,30,-0.5"]) == 0

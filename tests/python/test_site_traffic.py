@@ -263,6 +263,36 @@ def test_the_traffic_of_other_arguments_is_not_taken(tmp_path: Path) -> None:
     assert (scene.parent / NAME).read_bytes() == traffic
 
 
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("{a}\nduration_s: 500\n", "{a}\nduration_s: 7.5\n"),
+        ('{a}\n"duration_s"  :   500.0 # x\n', '{a}\n"duration_s"  : 7.5 # x\n'),
+        ("{a}\nduration_s:\n", "{a}\nduration_s: 7.5\n"),
+        ("{a}\n? duration_s\n: 500\n", "{a}\n? duration_s\n: 7.5\n"),
+        ("\ufeffduration_s: 5 # s\n{a}\n", "duration_s: 7.5 # s\n{a}\n"),
+        ("{{b: [é, {{duration_s: 9}}], duration_s: 500, c: 1}}\n",) * 2,
+        ("{a}\nc: &d 3\nduration_s: *d\n", ""),
+        ("{a}\nc: &d {{duration_s: 500}}\n<<: *d\n", ""),
+        ("{{b: 1}}\n", ""),
+        ("{a}\nduration_s: |\n  500\n", ""),
+    ],
+)
+def test_the_duration_is_set_in_any_style_or_refused(old: str, new: str, tmp_path: Path) -> None:
+    """Nothing else in the file changes. Before, other styles kept the old value silently."""
+    file = tmp_path / "site.yaml"
+    file.write_text(old.format(a="b: 1"), encoding="utf-8")
+    before = file.read_bytes()
+    if new:
+        set_duration(tmp_path, 7.5)
+        text = new.format(a="b: 1").replace("duration_s: 500", "duration_s: 7.5")
+        assert file.read_text(encoding="utf-8") == text
+    else:
+        with pytest.raises(pi.Error, match=r"site.yaml.*duration_s"):
+            set_duration(tmp_path, 7.5)
+        assert file.read_bytes() == before
+
+
 def test_duration_is_added_where_there_is_none(tmp_path: Path) -> None:
     (tmp_path / "site.yaml").write_text(data.SITE)
     set_duration(tmp_path, 30.0)

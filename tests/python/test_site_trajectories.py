@@ -255,6 +255,25 @@ def test_boxes_without_ids_are_linked(site: Path) -> None:
     assert all(part["y"].nunique() == 1 for _, part in table.groupby("id"))
 
 
+def test_boxes_with_unknown_ids_are_linked(site: Path) -> None:
+    """Table programs write -1.0 for an unknown id, and 7.0 for the id 7."""
+    there, back = data.drive(), data.drive()
+    back[:, 1:] = np.column_stack([80 - back[:, 1], 0 * back[:, 0] + 4, 0 * back[:, 0] + np.pi])
+    lost = back.copy()
+    lost[:, 2] += 4
+    known = [row.replace(",a,", ",7," if k % 2 else ",7.0,") for k, row in rows_of(there)]
+    unknown = [row.replace(",a,", ",-1.0," if k % 2 else ",nan,") for k, row in rows_of(back)]
+    also = [row.replace(",a,", ",,") for _, row in rows_of(lost)]
+    (site / "in.csv").write_text(data.HEADER + "\n".join([*known, *unknown, *also]) + "\n")
+    table = imported(site, site / "in.csv")
+    assert table["id"].nunique() == 3
+    assert all(part["y"].nunique() == 1 for _, part in table.groupby("id"))
+
+
+def rows_of(drive: FloatArray) -> list[tuple[int, str]]:
+    return list(enumerate(data.csv(drive).splitlines()))
+
+
 def test_links_bridge_a_lost_frame_and_never_join_two_classes() -> None:
     times = np.array([0, 0.1, 0.3, 0.3])
     boxes = np.zeros((4, 7))

@@ -122,7 +122,7 @@ def check_data_set(folder: Path, plan: Plan) -> None:
         lists = {"train": wanted.train, "val": wanted.val}
         if not set(present) <= set(numbers) or any(
             (file := lidar / f"ImageSets/{part}.txt").is_file()
-            and tuple(map(int, file.read_text("utf-8").split())) != listed
+            and tuple(map(int, file.read_text("utf-8-sig").split())) != listed
             for part, listed in lists.items()
         ):
             raise ConfigError(

@@ -39,7 +39,7 @@ def price_of(lidar: Path, preset: str) -> dict[str, Any]:
 
     The price of a bundle is the sum of its units' prices, unless its file has a price.
     """
-    file = yaml.safe_load(lidar.read_text("utf-8"))
+    file = yaml.safe_load(lidar.read_text("utf-8-sig"))
     for keys in (yaml.safe_load(resolved(lidar, preset)), file):
         if "price_usd" in keys:
             return dict(keys["price_usd"])

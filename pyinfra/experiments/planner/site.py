@@ -194,7 +194,7 @@ def scene_path(scene: StrPath) -> Path:
 
 def first_mount(file: Path, preset: str) -> str:
     """Returns the name of the scene's first mount; empty if the file does not name it."""
-    keys = yaml.safe_load(file.read_text(encoding="utf-8"))
+    keys = yaml.safe_load(file.read_text(encoding="utf-8-sig"))
     mounts = keys.get("mounts") if isinstance(keys, dict) else None
     return str(next(iter(mounts))) if isinstance(mounts, dict) and mounts else ""
 

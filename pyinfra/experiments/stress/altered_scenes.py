@@ -246,7 +246,7 @@ def _texts(base: Base, altered: AlteredScene) -> dict[str, str]:
     """
     text = yaml.safe_dump(base.scene, sort_keys=False)
     if altered.scene:
-        text = scene_file(altered.scene).read_text("utf-8")
+        text = scene_file(altered.scene).read_text("utf-8-sig")
     if altered.lidar:
         return {SCENE: text}
     return {SCENE: text, lidar.FILE: lidar.text(base.lidar_file, altered.turns_deg)}

@@ -317,7 +317,7 @@ class Log:
 
     def __init__(self, file: Path, done: int) -> None:
         self.file = file
-        rows = file.read_text().splitlines() if file.exists() else []
+        rows = file.read_text(encoding="utf-8").splitlines() if file.exists() else []
         # An incomplete row, for example after a full disk, is removed. Its step is not finished.
         whole = [row for row in rows if row.count(",") == rows[0].count(",")]
         kept = [row for row in whole[1:] if int(row.split(",")[0]) <= done]
@@ -325,7 +325,7 @@ class Log:
 
     def __call__(self, p: Progress) -> None:
         new = self.file.stat().st_size == 0
-        with naming(self.file), self.file.open("a", newline="") as opened:
+        with naming(self.file), self.file.open("a", encoding="utf-8", newline="") as opened:
             writer = csv.writer(opened)
             if new:
                 writer.writerow(["step", "rate", "loss", *p.parts, "seconds", "cpu_seconds"])

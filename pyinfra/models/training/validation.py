@@ -64,7 +64,7 @@ class Checks:
 
     def __init__(self, frames: Frames, file: Path, done: int) -> None:
         self.frames, self.file = frames, file
-        rows = file.read_text().split() if file.exists() else []
+        rows = file.read_text(encoding="utf-8").split() if file.exists() else []
         cells = [row.split(",") for row in rows[1:]]
         self.history = [(int(step), float(value)) for step, value in cells if int(step) <= done]
 
@@ -77,5 +77,5 @@ class Checks:
         self.history.append((done, value))
         with replacing(self.file) as beside:
             rows = "".join(f"{step},{value!r}\n" for step, value in self.history)
-            beside.write_text(f"step,ap\n{rows}")
+            beside.write_text(f"step,ap\n{rows}", encoding="utf-8")
         return best

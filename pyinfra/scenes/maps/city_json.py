@@ -33,7 +33,7 @@ def read_city_json(file: Path) -> Triangles:
     """
     check_size(file, MOST_BYTES)
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
+        content = json.loads(file.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise FormatError(f"{file}: cannot be read as JSON: {str(error)[:200]}") from None
     kind = content.get("type") if isinstance(content, dict) else None

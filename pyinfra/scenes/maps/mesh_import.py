@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import FormatError, missing
@@ -12,7 +11,7 @@ from pyinfra.core.files import write
 from pyinfra.formats.ply import Triangles, together, write_ply
 from pyinfra.formats.yaml_file import read_keys
 from pyinfra.scenes.maps import city_json
-from pyinfra.scenes.maps.site_folder import SCENE, feet
+from pyinfra.scenes.maps.site_folder import SCENE, check_edit, feet
 
 ENDINGS = (".obj", ".glb", ".gltf", ".stl", ".ply", *city_json.ENDINGS)
 UPWARDS_Y = (".glb", ".gltf")  # formats whose upward axis is y, as glTF defines
@@ -127,7 +126,7 @@ def with_mesh(file: Path, entry: dict[str, Any]) -> str:
 
     Raises FormatError if the YAML style of `meshes` does not allow another line.
     """
-    lines = file.read_text().splitlines()
+    lines = file.read_text(encoding="utf-8-sig").splitlines()
     before = read_keys(file)
     line = f"- {{file: {entry['file']}, material: {entry['material']}}}"
     if "meshes" not in before:
@@ -138,12 +137,6 @@ def with_mesh(file: Path, entry: dict[str, Any]) -> str:
         lines.insert(at, " " * indent + line)
     text = "\n".join(lines) + "\n"
     wanted = {**before, "meshes": [entry, *(before.get("meshes") or [])]}
-    try:
-        is_extended = yaml.safe_load(text) == wanted
-    except yaml.YAMLError:
-        is_extended = False
-    if not is_extended:
-        raise FormatError(
-            f"{file}: meshes: the list cannot be extended; add this entry by hand: {line}"
-        )
+    advice = f"the list cannot be extended; add this entry by hand: {line}"
+    check_edit(file, text, wanted, f"meshes: {advice}")
     return text

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pyinfra.core.arrays import BoolArray, FloatArray
+from pyinfra.core.arrays import BoolArray, FloatArray, NameArray
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.dataset.data_set import ids_are_tracks
 from pyinfra.dataset.frame_readers import read_labelled, read_vehicles
@@ -15,6 +15,7 @@ from pyinfra.dataset.frames import data_set_of, usual_step
 from pyinfra.dataset.world_frame import boxes_to_world
 from pyinfra.formats.csv_table import expect, numbers, read_words
 from pyinfra.formats.kitti import frames, read_lidar
+from pyinfra.formats.track_names import track_name
 from pyinfra.scenes.maps.box_links import link
 from pyinfra.scenes.maps.tracks import CLASSES
 
@@ -68,7 +69,8 @@ class BoxTrack:
 def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
     """Reads the objects of a CSV file. Without a column `id`, boxes are linked to tracks.
 
-    Raises Error for an unknown name of a column, FormatError and OSError.
+    Boxes with an unknown id are linked too. Raises Error for an unknown name of a column,
+    FormatError and OSError.
     """
     unknown = sorted(set(how.names) - set(_COLUMNS))
     if unknown:
@@ -106,13 +108,22 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
             f"{file}:{row + 2}: heading: expected radians, got {boxes[row, 6]:g}; for degrees, set "
             "`degrees`"
         )
-    if "id" in words.columns:
-        ids = words["id"].to_numpy(str)
-    else:
-        ids = link(times, boxes, classes, _usual_step(times))
+    ids = _ids(words, times, boxes, classes)
     tracks = _tracks(file, times, boxes, classes, ids)
     names = set(map(str, ids[unsized]))
     return [replace(track, has_mean_size=track.name in names) for track in tracks]
+
+
+def _ids(
+    words: pd.DataFrame, times: FloatArray, boxes: FloatArray, classes: NameArray
+) -> NameArray:
+    """Returns the track (n,) of each box: that of the column `id`; others are linked."""
+    column = words["id"] if "id" in words else pd.Series("", index=words.index)
+    ids = column.map({word: track_name(word) for word in column.unique()}).to_numpy(object)
+    new = np.flatnonzero(ids == "")
+    linked = link(times[new], boxes[new], classes[new], _usual_step(times))
+    ids[new] = [f"linked {number}" if len(new) < len(ids) else str(number) for number in linked]
+    return np.asarray(ids, dtype=np.str_)
 
 
 def _fill_sizes(file: Path, words: pd.DataFrame, sizes: FloatArray) -> BoolArray:

@@ -1,14 +1,15 @@
 """Reads mounts, offset and projection of a site folder, and sets its duration."""
 
-import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import yaml
 
 from pyinfra.core.arrays import FloatArray
 from pyinfra.core.errors import Error, FormatError, check_exists
 from pyinfra.core.files import write
-from pyinfra.formats.yaml_file import read_keys
+from pyinfra.formats.yaml_file import read_keys, read_yaml
 from pyinfra.scenes.maps.geographic import Projection, metres_of_degrees, network_projection
 
 SCENE, MAP, NET = "site.yaml", "map.yaml", "map.net.xml"
@@ -122,14 +123,35 @@ def check_metres(site: Path, xy: FloatArray, where: str) -> None:
 
 
 def set_duration(site: Path, seconds: float) -> None:
-    """Sets `duration_s` in site.yaml, and changes nothing else in the file."""
+    """Sets `duration_s` in site.yaml, and changes nothing else in the file.
+
+    Raises FormatError if the YAML style of the file does not allow this.
+    """
     file = site / SCENE
-    before = read_keys(file).get("duration_s")
-    if before == seconds:
+    before, text = read_keys(file), file.read_text(encoding="utf-8-sig")
+    if before.get("duration_s") == seconds:
         return
-    text, line = file.read_text(), f"duration_s: {seconds:g}"
-    if before is None:
-        changed = text.rstrip("\n") + f"\n{line}\n"
+    line = f"duration_s: {seconds:g}"
+    if "duration_s" in before:
+        value: Any = read_yaml(file).at("duration_s").node
+        start, end = value.start_mark, value.end_mark
+        lines = text.splitlines(keepends=True)
+        if start.line == end.line:
+            old = lines[start.line]
+            lines[start.line] = f"{old[: start.column].rstrip()} {seconds:g}{old[end.column :]}"
+        changed = "".join(lines)
     else:
-        changed = re.sub(r"^duration_s:[^#\n]*?(?=\s*(#|$))", line, text, flags=re.MULTILINE)
+        changed = text.rstrip("\n") + f"\n{line}\n"
+    wanted = {**before, "duration_s": float(f"{seconds:g}")}
+    check_edit(file, changed, wanted, f"duration_s: cannot be changed; write `{line}` by hand")
     write(file, changed)
+
+
+def check_edit(file: Path, text: str, wanted: dict[str, Any], advice: str) -> None:
+    """Raises FormatError with the advice if the new text of a scene file has other values."""
+    try:
+        has_them = yaml.safe_load(text) == wanted
+    except yaml.YAMLError:
+        has_them = False
+    if not has_them:
+        raise FormatError(f"{file}: {advice}")

@@ -148,7 +148,7 @@ def _run_sumo(
     }
     xml, unrouted = asked.xml, list[str]()
     while True:
-        routes.write_text(xml)
+        routes.write_text(xml, encoding="utf-8")
         try:
             run_tool("sumo", [word for option in options.items() for word in option])
             break
