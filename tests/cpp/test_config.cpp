@@ -815,6 +815,12 @@ TEST(channel_table, errors_name_the_line_and_the_column) {
   expect_channels_error(kHeader + std::string(100'000, '1'), 2, "(row)", "got a longer one");
 }
 
+TEST(channel_table, may_begin_with_a_byte_order_mark) {
+  const TestFolder folder;
+  const auto file = folder.write("two.csv", "\xEF\xBB\xBF" + kHeader + "1,-1,,\r\n2,1,3,4\r\n");
+  EXPECT_EQ(config::read_channels(file).size(), 2U);
+}
+
 TEST(channel_table, has_a_row_for_each_channel) {
   const auto read = [](const std::string& rows) {
     const TestFolder folder;
@@ -971,7 +977,10 @@ TEST(direction_table, in_degrees_and_with_times_is_that_in_radians) {
   write_npy(folder.path() / "a.npy", std::vector<double>{kPi / 6, -kPi / 4, 3, kPi, 0, 5}, 3);
   folder.write("b.csv", "azimuth_deg,elevation_deg,time_s\n30,-45,0\n180,0,2\n");
   folder.write("c.csv", "azimuth_deg,elevation_deg\n30,-45\n180,0\n");
-  for (const char* name : {"a.npy", "b.csv", "c.csv"}) {
+  folder.write("d.csv",
+               "\xEF\xBB\xBF"
+               "azimuth_deg,elevation_deg,time_s\n30,-45,0\n180,0,2\n");
+  for (const char* name : {"a.npy", "b.csv", "c.csv", "d.csv"}) {
     SCOPED_TRACE(name);
     const config::FiringTable table = config::read_firing_table(folder.path() / name);
     ASSERT_EQ(table.directions.size(), 2U);
