@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "infrasim/config/fields.h"
 #include "infrasim/config/lidar_changes.h"
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/config/lidar_tables.h"
@@ -427,6 +428,17 @@ TEST(dump, keeps_any_name_of_a_mount) {
     const SceneConfig back = read_scene(folder.write("scene.yaml", dump_scene(scene)));
     EXPECT_EQ(back.mounts.begin()->first, name);
   }
+}
+
+TEST(dump, quotes_names_that_yaml_takes_for_other_values) {
+  for (const char* name : {"y", "N", "Yes", "no", "ON", "off", "true", "False", "NULL", "~", "1",
+                           "010", "1e3", "0x1F", "-1", ".5", "12:30"})
+    EXPECT_EQ(config::quoted_name(name), "\"" + std::string(name) + "\"");
+  for (const char* name : {"pole", "Car", "north_2", "yes_1", "nil", "e1"})
+    EXPECT_EQ(config::quoted_name(name), name);
+  SceneConfig scene = testing::empty_road();
+  scene.mounts = {{"no", MountConfig{}}};
+  EXPECT_NE(dump_scene(scene).find("\n  \"no\":"), std::string::npos);
 }
 
 TEST(dump, keeps_the_order_of_mounts) {
