@@ -64,7 +64,8 @@ LidarConfig with_every_hit(LidarConfig lidar) {
                .drop_off = std::nullopt,
                .detection = returns.detection,
                .beam = std::nullopt,
-               .echoes = std::nullopt};
+               .echoes = std::nullopt,
+               .every_hit = true};
     if (!returns.detection) continue;
     // Detection stays enabled, because it determines how intensities are computed.
     returns.detection->range_at_10_percent_m = kLongestPublishedRange_m;

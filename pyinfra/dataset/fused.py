@@ -20,7 +20,7 @@ from pyinfra.dataset.loading import with_overrides
 from pyinfra.dataset.made import recipe_of
 from pyinfra.dataset.object_rows import type_names
 from pyinfra.dataset.regions import FOOTWAYS_M
-from pyinfra.dataset.returns import with_points_in_boxes
+from pyinfra.dataset.returns import ids_once_per_ray, with_points_in_boxes
 from pyinfra.dataset.simulated_frames import SimulatedFrames
 from pyinfra.dataset.world_frame import rotation, to_levelled, to_world
 from pyinfra.formats.kitti import WorldPose
@@ -64,7 +64,7 @@ class FusedFrames(SimulatedFrames):
                 rows.append(moved_rows(one.rows[number], one.lidar.T_world_levelled, pose))
             cloud = np.concatenate(clouds), np.concatenate(every_field)
             merged = self._merged(rows)
-            self.rows[number] = with_points_in_boxes(merged, cloud[0], cloud[1]["object_id"])
+            self.rows[number] = with_points_in_boxes(merged, cloud[0], ids_once_per_ray(cloud[1]))
             self.clouds[number] = cloud
             while len(self.clouds) > self.kept:
                 self.clouds.popitem(last=False)

@@ -45,6 +45,20 @@ def counted(rows: AnyArray, points: Float32Array, object_ids: IntArray) -> AnyAr
     return out
 
 
+def ids_once_per_ray(fields: Records) -> IntArray:
+    """Returns the object id of each point of fused frames (n,).
+
+    The second point of a ray on one object has -1, so that the two points count once, as in the
+    simulator.
+    """
+    ids: IntArray = fields["object_id"].astype(np.int64)
+    again = fields["echo"][1:] == 1
+    for name in ("object_id", "ring", "time_s", "mount"):
+        again &= fields[name][1:] == fields[name][:-1]
+    ids[1:][again] = -1
+    return ids
+
+
 def with_points_in_boxes(rows: AnyArray, points: Float32Array, object_ids: IntArray) -> AnyArray:
     """Returns object rows whose counts in boxes are those of points (n, 4) with ids (n,).
 

@@ -88,8 +88,8 @@ def simulate(
     returns : a model of returns of your own: a function of the hits of a frame, records (n,) with
         x y z intensity, time_s, ring, class, echo and object_id, and of a NumPy random generator,
         which returns the records that become points, with any changes. It replaces the LiDAR's
-        own model: all rays that hit something within the maximum range are hits, at their exact
-        range, without width of the beam and further echoes. The scene's weather still acts
+        own model: in any weather, all rays that hit something within the maximum range are hits,
+        at their exact range, without width of the beam and further echoes
     threads : number of threads that cast rays; by default the number of processors
 
     Returns

@@ -3,8 +3,11 @@
 #include <unistd.h>
 
 #include <array>
+#include <cerrno>
+#include <chrono>
 #include <filesystem>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -119,10 +122,45 @@ TEST(atomic_file, leftovers_of_the_dead_go_and_those_of_others_stay) {
         "a" + dead, std::string(".tmp"), std::string(".a.tmp"), std::string("000001.bin")})
     folder.write(name, "x");
   const std::string gone = ".000001.bin" + dead;
+  // A younger file may belong to a process of another container with this host name.
+  for (const auto& entry : std::filesystem::directory_iterator(folder.path()))
+    std::filesystem::last_write_time(
+        entry, std::filesystem::file_time_type::clock::now() - std::chrono::hours(2));
+  folder.write(".000002.bin" + dead, "x");
   std::vector<std::string> stay = names(folder.path());
   std::erase(stay, gone);
   create_folder(folder.path());
   EXPECT_EQ(names(folder.path()), stay);
+}
+
+TEST(atomic_file, is_created_on_a_file_system_without_hard_links) {
+  for (const int without_links : {EPERM, EOPNOTSUPP, ENOSYS, EMLINK})
+    for (const int without_rename : {0, EINVAL}) {
+      const TestFolder folder;
+      const auto file = folder.path() / "file";
+      testing::link_error = without_links;
+      testing::rename_error = without_rename;
+      EXPECT_TRUE(create_file_atomically(file, "first"));
+      EXPECT_FALSE(create_file_atomically(file, "second"));
+      testing::link_error = testing::rename_error = 0;
+      EXPECT_EQ(read_file(file), "first");
+      EXPECT_EQ(names(folder.path()), std::vector<std::string>{"file"});
+    }
+  const TestFolder folder;
+  testing::link_error = EACCES;
+  EXPECT_THROW(create_file_atomically(folder.path() / "file", "x"), IoError);
+  testing::link_error = 0;
+}
+
+TEST(entries, of_a_folder_are_its_paths_and_of_none_an_error) {
+  const TestFolder folder;
+  folder.write("a", "");
+  std::error_code error;
+  EXPECT_EQ(entries_of(folder.path(), error),
+            std::vector<std::filesystem::path>{folder.path() / "a"});
+  EXPECT_FALSE(error);
+  EXPECT_TRUE(entries_of(folder.path() / "none", error).empty());
+  EXPECT_TRUE(error);
 }
 
 TEST(read_file, of_a_disk_with_an_error_gives_no_part_of_a_file) {

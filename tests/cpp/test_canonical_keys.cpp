@@ -12,6 +12,7 @@
 #include "infrasim/core/version.h"
 #include "infrasim/io/data_set.h"
 #include "infrasim/pipeline/folder_identity.h"
+#include "infrasim/pipeline/run_folder.h"
 #include "small_scenes.h"
 
 namespace infrasim {
@@ -185,6 +186,57 @@ TEST(folder_identity, of_a_lidar_is_its_file_by_canonical_names) {
   EXPECT_EQ(lidar_identity(old, "l.yaml"), old);
   const auto other = replaced(old, "seam_deg: 90", "seam_deg: 91");
   EXPECT_NE(lidar_identity(other, "l.yaml"), old);
+}
+
+/// A request for fused frames of mounts whose names YAML readers may take for other values.
+RunRequest fused_request(const std::filesystem::path& out) {
+  RunRequest request;
+  request.scene = testing::empty_road();
+  for (const char* name : {"1", "no", "010", "null"}) request.scene.mounts[name].x_m = 20;
+  request.lidars = {testing::plain_lidar("lidar", testing::spinning(4, -20, 0, 1))};
+  request.frames = {0, 1};
+  request.out = out;
+  return request;
+}
+
+void open_fused(const RunRequest& request) {
+  const std::vector<World> worlds = build_worlds(request.scene, mount_names(request.scene));
+  open_fused_folder(request, worlds.front(), Fusion(request.scene, worlds, 0.1));
+}
+
+TEST(fused_folder, of_a_lidar_with_another_value_is_refused) {
+  const testing::TestFolder folder;
+  const RunRequest request = fused_request(folder.path());
+  open_fused(request);
+  EXPECT_NO_THROW(open_fused(request));
+  const auto expect_refused = [&](const auto& change) {
+    RunRequest other = request;
+    change(other.lidars.front().units.front());
+    testing::expect_within(testing::error_of<IoError>([&] { open_fused(other); }), "lidar_digest");
+  };
+  expect_refused([](LidarUnit& unit) { unit.returns.range_accuracy_m = 0.02; });
+  expect_refused([](LidarUnit& unit) { unit.returns.detection.emplace(); });
+  expect_refused([](LidarUnit& unit) { unit.returns.drop_off.emplace(); });
+}
+
+TEST(fused_folder, of_an_earlier_version_goes_on) {
+  const testing::TestFolder folder;
+  const RunRequest request = fused_request(folder.path());
+  open_fused(request);
+  const auto file = folder.path() / "lidar" / "lidar.yaml";
+  std::string text =
+      replaced(read_file(file), R"([pole, "1", "no", "010", "null"])", "[pole, 1, no, 010, null]");
+  text.resize(text.find("lidar_digest: "));
+  folder.write("lidar/lidar.yaml", text);
+  EXPECT_NO_THROW(open_fused(request));
+  EXPECT_EQ(read_file(file), text);
+}
+
+TEST(claim, of_a_file_that_an_editor_saved_in_its_own_way_is_fine) {
+  const testing::TestFolder folder;
+  const auto file = folder.write("roads.csv", "\xEF\xBB\xBFroad,lane\r\na,1\r\n");
+  EXPECT_NO_THROW(claim_file(file, "road,lane\na,1\n"));
+  EXPECT_THROW(claim_file(file, "road,lane\na,2\n"), IoError);
 }
 
 TEST(claim, of_a_folder_that_says_the_same_in_other_words_is_fine) {

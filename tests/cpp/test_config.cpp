@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "infrasim/config/fields.h"
 #include "infrasim/config/lidar_changes.h"
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/config/lidar_tables.h"
@@ -429,6 +430,17 @@ TEST(dump, keeps_any_name_of_a_mount) {
   }
 }
 
+TEST(dump, quotes_names_that_yaml_takes_for_other_values) {
+  for (const char* name : {"y", "N", "Yes", "no", "ON", "off", "true", "False", "NULL", "~", "1",
+                           "010", "1e3", "0x1F", "-1", ".5", "12:30"})
+    EXPECT_EQ(config::quoted_name(name), "\"" + std::string(name) + "\"");
+  for (const char* name : {"pole", "Car", "north_2", "yes_1", "nil", "e1"})
+    EXPECT_EQ(config::quoted_name(name), name);
+  SceneConfig scene = testing::empty_road();
+  scene.mounts = {{"no", MountConfig{}}};
+  EXPECT_NE(dump_scene(scene).find("\n  \"no\":"), std::string::npos);
+}
+
 TEST(dump, keeps_the_order_of_mounts) {
   SceneConfig scene = testing::empty_road();
   scene.mounts = {{"south", {.y_m = -20}}, {"north", {.y_m = 20}}};
@@ -815,6 +827,12 @@ TEST(channel_table, errors_name_the_line_and_the_column) {
   expect_channels_error(kHeader + std::string(100'000, '1'), 2, "(row)", "got a longer one");
 }
 
+TEST(channel_table, may_begin_with_a_byte_order_mark) {
+  const TestFolder folder;
+  const auto file = folder.write("two.csv", "\xEF\xBB\xBF" + kHeader + "1,-1,,\r\n2,1,3,4\r\n");
+  EXPECT_EQ(config::read_channels(file).size(), 2U);
+}
+
 TEST(channel_table, has_a_row_for_each_channel) {
   const auto read = [](const std::string& rows) {
     const TestFolder folder;
@@ -971,7 +989,10 @@ TEST(direction_table, in_degrees_and_with_times_is_that_in_radians) {
   write_npy(folder.path() / "a.npy", std::vector<double>{kPi / 6, -kPi / 4, 3, kPi, 0, 5}, 3);
   folder.write("b.csv", "azimuth_deg,elevation_deg,time_s\n30,-45,0\n180,0,2\n");
   folder.write("c.csv", "azimuth_deg,elevation_deg\n30,-45\n180,0\n");
-  for (const char* name : {"a.npy", "b.csv", "c.csv"}) {
+  folder.write("d.csv",
+               "\xEF\xBB\xBF"
+               "azimuth_deg,elevation_deg,time_s\n30,-45,0\n180,0,2\n");
+  for (const char* name : {"a.npy", "b.csv", "c.csv", "d.csv"}) {
     SCOPED_TRACE(name);
     const config::FiringTable table = config::read_firing_table(folder.path() / name);
     ASSERT_EQ(table.directions.size(), 2U);

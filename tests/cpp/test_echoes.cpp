@@ -11,6 +11,7 @@
 
 #include "infrasim/config/lidar_changes.h"
 #include "infrasim/io/kitti.h"
+#include "infrasim/pipeline/fusion.h"
 #include "infrasim/pipeline/simulate.h"
 #include "infrasim/sensor/beam.h"
 #include "infrasim/sensor/echo_merge.h"
@@ -292,6 +293,32 @@ TEST(echoes, two_on_one_vehicle_count_once) {
     twice += points[object.id] - object.points;
   }
   EXPECT_GT(twice, 5);
+}
+
+TEST(echoes, two_on_one_vehicle_count_once_in_its_boxes_in_a_fused_frame) {
+  const World world = world_with(empty_road(), {car_on_road(1, 12, -1.8, 0)});
+  const Fusion fusion(world.scene, {&world, 1}, kUsualPeriod_s);
+  const auto counts = [&](const Frame& frame) {
+    const std::array frames{&frame};
+    const ObjectRecord car = fusion.fuse(0, frames).frame.objects.at(0);
+    return std::pair(car.points_in_box, car.points_in_scan_box);
+  };
+  const Frame once = frame_of(world, plain_lidar("lidar", spinning(41, -40, 0, 0.5)));
+  Frame twice = once;  // each ray on the car gives a second point
+  twice.cloud = {};
+  for (std::size_t i = 0; i < once.cloud.size(); ++i)
+    for (const bool second : {false, true}) {
+      if (second && once.cloud.object_id[i] < 0) continue;
+      PointCloud::for_each_column([&](auto column, std::size_t values) {
+        const auto from = (once.cloud.*column).begin() + static_cast<std::ptrdiff_t>(values * i);
+        auto& to = twice.cloud.*column;
+        to.insert(to.end(), from, from + static_cast<std::ptrdiff_t>(values));
+      });
+      twice.cloud.echo.back() = second ? 1 : 0;
+    }
+  EXPECT_GT(twice.cloud.size(), once.cloud.size() + 20);
+  EXPECT_GT(counts(once).first, 20);
+  EXPECT_EQ(counts(twice), counts(once));
 }
 
 TEST(echoes, depend_neither_on_layers_nor_on_other_frames) {

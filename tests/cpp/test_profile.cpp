@@ -160,6 +160,22 @@ TEST(profile, a_height_above_the_road_is_that_above_the_road_there) {
   EXPECT_NEAR(std::get<GroundPlane>(step).sensor_height_m, 7.8, 1e-9);
 }
 
+TEST(ground_plane, without_a_height_needs_a_mount_above_the_first_road) {
+  SceneConfig scene = testing::empty_road();
+  RoadConfig high = scene.roads.front();
+  high.name = "high";
+  high.start.y_m = 100;
+  high.elevation_m = 8;
+  scene.roads.insert(scene.roads.begin(), high);
+  scene.filters = {{GroundHeight{-5}}, {GroundPlane{}}};
+  const std::string message = testing::error_of([&] { build_world(scene); });
+  testing::expect_within(message, "filters.1.ground_plane.sensor_height_m: expected the height");
+  testing::expect_within(message, "mount 'pole'");
+  EXPECT_EQ(testing::error_of([&] { check_worlds(scene, false); }), message);
+  scene.filters = {{GroundPlane{.sensor_height_m = 6}}};
+  EXPECT_NO_THROW(build_world(scene));
+}
+
 TEST(profile, a_sensor_beside_a_vehicle_that_leans_is_not_in_it) {
   SceneConfig scene = plain();
   scene.mounts["pole"].x_m = 5;

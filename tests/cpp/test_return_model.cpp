@@ -82,6 +82,26 @@ TEST(returns, of_every_hit_within_the_limits_are_kept_as_they_are) {
 
 // --- CARLA's drop-off -------------------------------------------------------------------------
 
+TEST(returns, of_every_hit_are_points_in_any_weather) {
+  ReturnsConfig config = returns_up_to(500);
+  config.detection.emplace().range_at_10_percent_m = 50;
+  config.every_hit = true;
+  const WeatherConfig fog{.visibility_m = 30};
+  for (const double range : {1.0, 100.0, 499.0}) {
+    const ReturnBatch all = returns(config, range, 0.05F, fog, 100);
+    EXPECT_EQ(all.size(), 100U) << range;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      EXPECT_EQ(all.range[i], static_cast<float>(range));
+      EXPECT_EQ(all.intensity[i], 0.05F);
+    }
+    const std::vector<bool> can =
+        ReturnModel(config, fog)
+            .can_return(echoes_at(range, 3, 0.05F), std::vector<std::uint16_t>(3));
+    EXPECT_EQ(can, std::vector<bool>(3, true));
+  }
+  EXPECT_EQ(returns(config, 501, 0.05F, fog, 100).size(), 0U);
+}
+
 TEST(drop_off, keeps_the_shares_of_carla) {
   ReturnsConfig config = returns_up_to(300);
   config.drop_off.emplace();

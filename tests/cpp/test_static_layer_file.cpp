@@ -386,6 +386,19 @@ TEST(recorded_layer, is_refused_where_it_does_not_fit) {
   EXPECT_NE(message(world.scene, fewer).find("ring: expected the number of a laser"),
             std::string::npos);
   EXPECT_NE(message(world.scene, shipped("livox_avia")).find("got a"), std::string::npos);
+  for (const float intensity : {200.0F, -0.1F, std::numeric_limits<float>::quiet_NaN()}) {
+    FrameSimulator simulator(world, std::array{lidar});
+    Frame frame = std::move(simulator.simulate(3, {true})[0]);
+    frame.cloud.intensity[5] = intensity;
+    write_frame(folder.path(), 3, frame, {.point_fields = true});
+    EXPECT_NE(message(world.scene, lidar)
+                  .find(folder.path().string() +
+                        ": frame 000003, point 5: intensity: expected 0 to 1, got " +
+                        (intensity > 0   ? "200"
+                         : intensity < 0 ? "-0.1"
+                                         : "nan")),
+              std::string::npos);
+  }
   std::filesystem::remove(velodyne_file(folder.path(), 7));
   EXPECT_NE(message(world.scene, lidar).find("expected 20 or more frames, got 19"),
             std::string::npos);

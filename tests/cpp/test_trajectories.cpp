@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <limits>
 #include <memory>
 #include <span>
 #include <stdexcept>
@@ -305,6 +306,20 @@ MovingObject moving(double from_heading, double to_heading) {
   object.from = {0, 10, 1, 4.5, 1.9, 1.5, from_heading};
   object.to = {2, 11, 0, 4.5, 1.9, 1.5, to_heading};
   return object;
+}
+
+TEST(standing_objects, with_any_id_are_among_the_moving_ones) {
+  const int last = std::numeric_limits<int>::max();
+  const std::vector<ObjectState> standing{car_on_road(0, 10, 8, 0), car_on_road(last, 20, 8, 0)};
+  const auto ids = [&](const std::vector<MovingObject>& moving) {
+    std::vector<int> out;
+    for (const MovingObject& o : with_standing(moving, standing)) out.push_back(o.id);
+    return out;
+  };
+  MovingObject moving;
+  moving.id = 5;
+  EXPECT_EQ(ids({}), (std::vector<int>{0, last}));
+  EXPECT_EQ(ids({moving}), (std::vector<int>{0, 5, last}));
 }
 
 TEST(moving_object, position_is_linear_in_time) {

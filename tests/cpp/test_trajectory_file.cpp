@@ -1,7 +1,9 @@
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "infrasim/core/files.h"
@@ -113,6 +115,77 @@ TEST(merged_trajectories, of_a_run_with_other_objects_are_refused) {
             }).find("this run has no such object"),
             std::string::npos);
   EXPECT_EQ(read_file(file), before);
+}
+
+/// The same world with other moving objects.
+World with_moving(World world, const std::function<void(Trajectories&)>& change) {
+  Trajectories all = *world.trajectories;
+  change(all);
+  world.trajectories = std::make_shared<const Trajectories>(std::move(all));
+  return world;
+}
+
+/// The same world as one of a recording, of which a folder has all rows.
+World recorded(World world) {
+  world.scene.traffic.reset();
+  return world;
+}
+
+void add_car(Trajectories& all) { all.rows[4].push_back(car_on_road(3, 80, 1.8, 0)); }
+
+/// Moves the waiting car in a row that the file omits, because its neighbours are equal.
+void move_waiting_car(Trajectories& all) { all.rows[5].back().box.y += 0.5; }
+
+void remove_car(Trajectories& all) {
+  for (auto& row : all.rows) std::erase_if(row, [](const ObjectState& s) { return s.id == 1; });
+}
+
+void add_standing(Trajectories& all) { all.standing.push_back(car_on_road(10, 60, 8, 0)); }
+
+TEST(merged_trajectories, of_an_edited_recording_are_refused) {
+  const World world = recorded(world_of_three());
+  const std::vector<bool> whole = rows({{0, kSteps}});
+  for (const auto& [change, what] :
+       std::vector<std::pair<std::function<void(Trajectories&)>, std::string>>{
+           {add_car, "at 0.4 s it has no object 3 at x 80, y 1.8, where this run has one"},
+           {move_waiting_car, "at 0.5 s it has no object 2 at x 20, y 2.3"},
+           {remove_car, "at 0.2 s it has object 1 at x 6, y -1.8, this run has no such object"},
+           {add_standing, "at 0 s it has no object 10 at x 60, y 8"}}) {
+    const World other = with_moving(recorded(world_of_three()), change);
+    for (const auto& [first, second] : {std::pair(&world, &other), std::pair(&other, &world)}) {
+      const TestFolder folder;
+      const auto file = folder.path() / "trajectories.csv";
+      merge_trajectories(file, *first, whole);
+      const std::string before = read_file(file);
+      const std::string message =
+          error_of<IoError>([&] { merge_trajectories(file, *second, whole); });
+      if (first == &world) testing::expect_within(message, what);
+      EXPECT_EQ(read_file(file), before);
+    }
+  }
+}
+
+TEST(merged_trajectories, without_an_object_of_a_row_of_both_runs_are_refused) {
+  const TestFolder folder;
+  const auto file = folder.path() / "trajectories.csv";
+  merge_trajectories(file, world_of_three(), rows({{0, 4}}));
+  const World other = with_moving(world_of_three(), add_car);
+  testing::expect_within(
+      error_of<IoError>([&] { merge_trajectories(file, other, rows({{4, 9}})); }),
+      "at 0.4 s it has no object 3 at x 80, y 1.8");
+}
+
+TEST(merged_trajectories, of_an_earlier_version_with_every_state_belong_to_the_run) {
+  const World world = recorded(world_of_three());
+  const TestFolder folder;
+  std::string every;
+  for (int k = 0; k <= kSteps; ++k) {  // the text of a single row has all its states
+    const std::string text = merged(world_of_three(), {rows({{k, k}})});
+    every += k == 0 ? text : text.substr(text.find('\n') + 1);
+  }
+  const auto file = folder.write("trajectories.csv", every);
+  EXPECT_NO_THROW(merge_trajectories(file, world, rows({{0, kSteps}})));
+  EXPECT_EQ(read_file(file), merged(world, {rows({{0, kSteps}})}));
 }
 
 TEST(merged_trajectories, are_in_the_time_of_the_mounts_clock) {

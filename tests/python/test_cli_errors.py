@@ -962,3 +962,30 @@ def test_similar_names_and_renamed_options_are_suggested(site: Site) -> None:
     old = site.infrasim("filter", "a.bin", "b.bin", "--range", "2,60")
     assert old.returncode == 2
     assert "--crop-range" in old.stderr
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("--crop-polygon", "0,0,1,0,1,1"),
+        ("--ground-plane", "0.2"),
+        ("--crop-box", "0,0,0,1,1,1"),
+        ("--crop-range", "1,2"),
+        ("--below-z", "1"),
+        ("--pcd", "ascii"),
+    ],
+)
+def test_a_filter_option_twice_is_refused(option: str, value: str, site: Site) -> None:
+    (site.folder / "a.bin").write_bytes(np.ones((5, 4), np.float32).tobytes())
+    words = ["filter", "a.bin", "--out", "b.pcd", option, value, f"{option}={value}"]
+    result = site.infrasim(*words, cwd=site.folder)
+    assert_one_line(result, site, f"{option}: expected the option once, got it twice")
+
+
+def test_an_option_of_a_run_twice_is_refused_unless_it_takes_several_values(site: Site) -> None:
+    twice = site.run("--frames", "0:1", "--preset", "equal", "--preset", "equal")
+    assert_one_line(twice, site, "expected the option once, got it twice")
+    words = ["run", site.scene, "--frames", "0:1", "--lidar", site.lidar]
+    words += ["--set", "seed=1", "--set", "duration_s=1"]
+    result = site.infrasim(*words)
+    assert result.returncode == 0, result.stderr

@@ -446,6 +446,21 @@ def test_summary_has_no_row_of_a_lidar_that_was_removed(
     assert pd.read_csv(out / "summary.csv").lidar.tolist() == ["livox_avia"]
 
 
+def test_summary_keeps_rows_that_an_editor_saved_in_its_own_way(
+    infrasim: Infrasim, run_command: Words, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    assert infrasim(*run_command(frames="0:1", out=out)).returncode == 0
+    text = (out / "summary.csv").read_text()
+    far = f"{'x' * 300},paper,1,1,1,1,1,1,1,1\n"  # no folder can have this name
+    (out / "summary.csv").write_bytes(b"\xef\xbb\xbf" + (text + far).replace("\n", "\r\n").encode())
+    (out / "loop").symlink_to("loop")  # an entry that cannot be read
+    result = infrasim(*run_command("livox_avia", frames="0:1", out=out))
+    assert result.returncode == 0, result.stderr
+    assert pd.read_csv(out / "summary.csv").lidar.tolist() == ["helios_16", "livox_avia"]
+    assert "\r" not in (out / "summary.csv").read_text()
+
+
 def test_without_out_nothing_is_written(
     infrasim: Infrasim, run_command: Words, tmp_path: Path
 ) -> None:

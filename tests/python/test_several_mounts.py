@@ -2,6 +2,7 @@
 poses."""
 
 import re
+import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -372,6 +373,46 @@ def test_a_fused_run_goes_on_to_the_same_bytes(runs: Runs, digests: Digests) -> 
         kitti.frame_file(parts / folder / "helios_16", "velodyne", 2).unlink()
     runs("parts", "--fuse", "--frames", "0:4")
     assert digests(parts) == digests(whole)
+
+
+def test_an_edited_recording_is_another_run(runs: Runs, tmp_path: Path) -> None:
+    runs("out", "--frames", "0:2")
+    extra = "".join(f"{k / 10:g},3,Car,20,-2,0.75,0,4.5,1.9,1.5,0\n" for k in range(11))
+    rows = sorted(
+        [*trajectories().splitlines()[1:], *extra.splitlines()],
+        key=lambda row: [float(cell) for cell in row.split(",")[:2]],
+    )
+    header = trajectories().splitlines()[0]
+    (tmp_path / "cars.csv").write_text("\n".join([header, *rows]) + "\n")
+    with pytest.raises(RuntimeError, match=r"the folder holds another run: at 0 s .* no object 3"):
+        runs("out", "--frames", "0:4")
+    (tmp_path / "cars.csv").write_text(trajectories())
+    runs("out", "--frames", "0:4")
+
+
+def test_a_fused_folder_keeps_its_lidar(runs: Runs) -> None:
+    out = runs("out", "--fuse", "--frames", "0:1", preset="datasheet")
+    for mount in MOUNTS:
+        shutil.rmtree(out / mount)
+    with pytest.raises(RuntimeError, match=r"the folder holds another run: .*lidar_digest"):
+        runs("out", "--fuse", "--frames", "0:2", "--echo", "last", preset="datasheet")
+
+
+def test_names_of_mounts_stay_texts(runs: Runs) -> None:
+    mounts = {"1": MOUNTS["right"], "no": MOUNTS["left"], "010": MOUNTS["left"] | {"x_m": 50}}
+    out = runs("out", "--fuse", "--frames", "0:1", mounts=mounts)
+    written = yaml.safe_load((out / "fused/helios_16/lidar.yaml").read_text())
+    assert written["mounts"] == list(mounts)
+    assert list(yaml.safe_load((out / "fused/dataset.yaml").read_text())["mounts"]) == list(mounts)
+
+
+def test_two_points_of_a_ray_count_once_in_boxes_of_fused_frames(runs: Runs) -> None:
+    lidar = str(ROOT / "configs/lidars/ruby_plus.yaml")
+    words = ("--lidar", lidar, "--echo", "dual", "--fuse", "--frames", "0:3")
+    out = runs("out", *words, preset="datasheet")
+    for k in range(3):
+        objects = kitti.read_objects(kitti.frame_file(out / "fused/ruby_plus", "objects", k))
+        assert (objects.points_in_box <= objects.points).all()
 
 
 def test_a_stream_takes_a_mount_s_name(runs: Runs, tmp_path: Path) -> None:

@@ -51,6 +51,16 @@ def test_binding_and_binary_give_equal_bytes(world: simulation.World, tmp_path: 
                 np.testing.assert_array_equal(fields[name], getattr(frame, name))
 
 
+def test_every_hit_is_a_point_in_any_weather() -> None:
+    lidar = simulation.load_lidar(CATALOGUE / "helios_16.yaml", "datasheet").with_every_hit()
+    rays = []
+    for weather in ({}, {"weather.visibility_m": 30, "weather.rain_mm_per_h": 50}):
+        world = simulation.load_scene(SCENE, seed=3, set=SHORT | weather)
+        ((_, (frame,)),) = simulation.simulate(world, [lidar], range(1), threads=1)
+        rays.append(np.column_stack([frame.time, frame.ring]))
+    np.testing.assert_array_equal(*rays)
+
+
 def test_columns_are_views_that_outlive_their_frame(world: simulation.World) -> None:
     ((frame, _),) = frames(world, range(1))
     first, second = frame.xyz, frame.xyz

@@ -7,6 +7,7 @@
 
 #include "infrasim/config/lidar_changes.h"
 #include "infrasim/core/errors.h"
+#include "infrasim/core/files.h"
 #include "infrasim/core/hints.h"
 
 namespace infrasim::cli {
@@ -31,8 +32,8 @@ fs::path catalogue() {
 std::vector<std::string> names(const fs::path& folder) {
   std::vector<std::string> names;
   std::error_code error;
-  for (const auto& entry : fs::directory_iterator(folder, error))
-    if (entry.path().extension() == ".yaml") names.push_back(entry.path().stem().string());
+  for (const fs::path& entry : entries_of(folder, error))
+    if (entry.extension() == ".yaml") names.push_back(entry.stem().string());
   std::ranges::sort(names);
   return names;
 }

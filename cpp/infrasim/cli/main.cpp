@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <exception>
 #include <new>
+#include <set>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -38,8 +40,29 @@ void check_command(const CLI::App& app, int argc, char** argv) {
                               " (see --help), got unknown command '" + std::string(argv[1]) + "'");
 }
 
+/// Refuses an option with values that is given twice, unless it takes any number of values. CLI11
+/// would add the values of the second one to those of the first.
+void check_repeats(const CLI::App& app, int argc, char** argv) {
+  if (argc < 2) return;
+  const auto commands =
+      app.get_subcommands([&](const CLI::App* command) { return command->get_name() == argv[1]; });
+  std::set<std::string> given;
+  for (int i = 2; i < argc && !commands.empty(); ++i) {
+    const std::string_view word(argv[i]);
+    if (word == "--") return;
+    if (!word.starts_with("--")) continue;
+    const std::string name(word.substr(0, word.find('=')));
+    const CLI::Option* option = commands.front()->get_option_no_throw(name);
+    const int most = option == nullptr ? 0 : option->get_items_expected_max();
+    if (most == 0 || most >= CLI::detail::expected_max_vector_size) continue;
+    if (!given.insert(name).second)
+      throw infrasim::ConfigError("infrasim: " + name + ": expected the option once, got it twice");
+  }
+}
+
 int parse(CLI::App& app, int argc, char** argv) {
   check_command(app, argc, argv);
+  check_repeats(app, argc, argv);
   try {
     app.parse(argc, argv);
     return 0;

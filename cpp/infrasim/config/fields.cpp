@@ -63,7 +63,35 @@ std::optional<std::string> current_name(const std::string& key, const std::strin
   return std::nullopt;
 }
 
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c;
+  }
+  return out + '"';
+}
+
+/// Returns whether readers of YAML 1.1 take a word for a truth value or nothing.
+bool is_yaml_word(std::string word) {
+  constexpr std::array<std::string_view, 10> kWords{"y",   "n",    "yes",   "no",   "on",
+                                                    "off", "true", "false", "null", "~"};
+  for (char& c : word) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return std::ranges::find(kWords, std::string_view(word)) != kWords.end();
+}
+
+/// Returns whether a name can be written without quotes. A name that begins with a letter is no
+/// number.
+bool plain(const std::string& name) {
+  const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  return !name.empty() && letter(name.front()) && std::ranges::all_of(name, [&](char c) {
+    return letter(c) || (c >= '0' && c <= '9') || c == '_';
+  }) && !is_yaml_word(name);
+}
+
 }  // namespace
+
+std::string quoted_name(const std::string& name) { return plain(name) ? name : quoted(name); }
 
 std::string number_text(double value) {
   if (std::isinf(value)) return value > 0 ? ".inf" : "-.inf";
@@ -286,23 +314,6 @@ bool FieldWriter::is_left_out(std::string_view value) const {
     return ends_as(path_, key.path) &&
            value.substr(std::min<std::size_t>(1, value.size())) == key.standard;
   });
-}
-
-/// Returns true if the key can be written without quotes.
-bool FieldWriter::plain(const std::string& key) {
-  const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
-  return !key.empty() && letter(key.front()) && std::ranges::all_of(key, [&](char c) {
-    return letter(c) || (c >= '0' && c <= '9') || c == '_';
-  });
-}
-
-std::string FieldWriter::quoted(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') out += '\\';
-    out += c;
-  }
-  return out + '"';
 }
 
 void FieldWriter::write(const Fraction& value) {

@@ -42,6 +42,10 @@ inline Rule at_least_one() { return {-1e9, 1e9, false, true, 1}; }
 /// Returns the shortest text that is parsed as the same number.
 std::string number_text(double value);
 
+/// Returns a name as it is written in YAML: in quotes if it has other characters than letters,
+/// digits and _, or if YAML readers take it for a number, a truth value or nothing.
+std::string quoted_name(const std::string& name);
+
 /// Returns whether a text begins with a letter, a digit or _. Shells and spreadsheets give a
 /// special meaning to other first characters, as in -rf and =1+1.
 bool begins_as_name(const std::string& text);
@@ -183,7 +187,7 @@ class FieldWriter {
     path_.resize(path);
   }
   std::string canonical_name(const std::string& key) const;
-  std::string quoted_name(const std::string& key) const { return plain(key) ? key : quoted(key); }
+  std::string quoted_key(const std::string& key) const { return quoted_name(key); }
   bool is_left_out(std::string_view value) const;
   void write(double value) { text_ += " " + number_text(value); }
   void write(int value) { text_ += " " + std::to_string(value); }
@@ -222,11 +226,9 @@ class FieldWriter {
   void write(T& map) {
     if (map.empty()) text_ += " {}";
     indent_ += 2;
-    for (auto& [key, value] : map) entry(key, value, &FieldWriter::quoted_name);
+    for (auto& [key, value] : map) entry(key, value, &FieldWriter::quoted_key);
     indent_ -= 2;
   }
-  static bool plain(const std::string& key);
-  static std::string quoted(const std::string& text);
   void append_entry(const std::string& entry);
 
   CanonicalKeys canonical_;  ///< if empty, keys are written by their current names

@@ -53,6 +53,7 @@ void visit(Fields& f, Filter& c) {
 template <class Fields>
 void visit(Fields& f, FilterConfig& c) {
   int steps = 0;
+  f.here(c.place);
   config::for_each_filter(config::Of<decltype(c.step)>{},
                           [&]<class Filter>(config::Of<Filter> filter) {
                             std::optional<Filter> step;

@@ -192,6 +192,8 @@ struct ReturnsConfig {
   std::optional<DetectionConfig> detection;
   std::optional<BeamConfig> beam;
   std::optional<EchoesConfig> echoes;
+  /// whether each hit within the range limits is detected, in any weather; not a key of a file
+  bool every_hit = false;
 };
 
 struct PriceConfig {

@@ -21,9 +21,11 @@ constexpr double kLongestTable_s = 3600;
 constexpr int kMostChannels = 100'000;
 
 FiringTable read_csv_table(const std::filesystem::path& file) {
-  std::string first_word(std::string_view("azimuth_deg").size(), '\0');
-  open_file(file).read(first_word.data(), std::ssize(first_word));
-  const bool in_degrees = first_word == "azimuth_deg";
+  constexpr std::string_view kDegrees = "azimuth_deg";
+  std::string begin(kByteOrderMark.size() + kDegrees.size(), '\0');
+  open_file(file).read(begin.data(), std::ssize(begin));
+  if (begin.starts_with(kByteOrderMark)) begin.erase(0, kByteOrderMark.size());
+  const bool in_degrees = begin.starts_with(kDegrees);
   const std::string_view azimuth = in_degrees ? "azimuth_deg" : "azimuth_rad";
   const std::string_view elevation = in_degrees ? "elevation_deg" : "elevation_rad";
   const double unit = in_degrees ? kPi / 180 : 1;

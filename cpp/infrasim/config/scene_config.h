@@ -78,6 +78,7 @@ struct VehicleParts {
 /// One step that removes points from every frame.
 struct FilterConfig {
   FilterOf<BackgroundFilter> step;
+  config::Place place = {};
 };
 
 /// name of the folder of fused frames; if a scene has several mounts, no mount may have this name

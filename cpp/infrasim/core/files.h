@@ -4,6 +4,9 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <string_view>
+#include <system_error>
+#include <vector>
 
 namespace infrasim {
 
@@ -28,6 +31,18 @@ std::ifstream open_file(const std::filesystem::path& file);
 /// @throws IoError if the file can't be read, ConfigError if it is not a regular file or has more
 ///   than `most` bytes
 std::string read_file(const std::filesystem::path& file, std::uintmax_t most = kMostBytes);
+
+/// The bytes of a byte-order mark, with which some editors begin a UTF-8 file.
+inline constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+
+/// Returns a text without a byte-order mark, and with lines that end in \n instead of \r\n.
+std::string unix_text(std::string text);
+
+/// Returns the paths of the entries of a folder. If an error occurs, the function sets `error` and
+/// returns the entries before it. A loop over a std::filesystem::directory_iterator throws another
+/// exception if it can't go on.
+std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folder,
+                                              std::error_code& error);
 
 /// Starts to record which files this process opens to read. A command calls this function at its
 /// start, so that the command's output does not replace an input.

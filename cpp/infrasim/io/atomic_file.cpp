@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cerrno>
 #include <charconv>
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
@@ -72,6 +73,26 @@ pid_t writer_of(std::string_view name) {
   return name.ends_with("." + host()) ? pid : 0;
 }
 
+/// Minimum age of a leftover. A younger file may belong to a process of another container that has
+/// the same host name, and whose process ids mean nothing here.
+constexpr std::chrono::hours kLeftoverAge{1};
+
+bool is_old(const std::filesystem::path& file) {
+  std::error_code error;
+  const auto written = std::filesystem::last_write_time(file, error);
+  return !error && std::filesystem::file_time_type::clock::now() - written > kLeftoverAge;
+}
+
+/// Renames a file if its new name does not exist, on a file system without hard links.
+/// @return 0, or the error of the system
+int rename_to_new(const std::filesystem::path& file, const std::filesystem::path& name) {
+  if (::renameat2(AT_FDCWD, file.c_str(), AT_FDCWD, name.c_str(), RENAME_NOREPLACE) == 0) return 0;
+  if (errno != EINVAL && errno != ENOSYS && errno != EOPNOTSUPP) return errno;
+  std::error_code error;
+  if (std::filesystem::exists(std::filesystem::symlink_status(name, error))) return EEXIST;
+  return std::rename(file.c_str(), name.c_str()) == 0 ? 0 : errno;
+}
+
 [[noreturn]] void fail(const std::filesystem::path& file, int error) {
   throw IoError(file.string() + ": can't be written: " + std::strerror(error));
 }
@@ -119,7 +140,9 @@ void AtomicFile::replace() {
 bool AtomicFile::create() {
   close();
   // A link fails if the file exists; a rename would replace another process's file.
-  const int failed = ::link(hidden_.c_str(), file_.c_str()) == 0 ? 0 : errno;
+  int failed = ::link(hidden_.c_str(), file_.c_str()) == 0 ? 0 : errno;
+  if (failed == EPERM || failed == EOPNOTSUPP || failed == ENOSYS || failed == EMLINK)
+    failed = rename_to_new(hidden_, file_);
   if (failed != 0 && failed != EEXIST) fail(file_, failed);
   return failed == 0;
 }
@@ -138,9 +161,10 @@ bool create_file_atomically(const std::filesystem::path& file, std::string_view 
 
 void remove_leftovers(const std::filesystem::path& folder) {
   std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-    const pid_t writer = writer_of(entry.path().filename().string());
-    if (writer > 0 && ::kill(writer, 0) != 0 && errno == ESRCH) ::unlink(entry.path().c_str());
+  for (const std::filesystem::path& file : entries_of(folder, error)) {
+    const pid_t writer = writer_of(file.filename().string());
+    if (writer > 0 && ::kill(writer, 0) != 0 && errno == ESRCH && is_old(file))
+      ::unlink(file.c_str());
   }
 }
 

@@ -54,6 +54,7 @@ void CsvReader::next_line() {
     fail_row("(row)", "expected a row of less than " + std::to_string(buffer_.size()) +
                           " bytes, got a longer one");
   if (row_.ends_with('\r')) row_.pop_back();
+  if (line_ == 1 && row_.starts_with(kByteOrderMark)) row_.erase(0, kByteOrderMark.size());
 }
 
 bool CsvReader::next_row() {

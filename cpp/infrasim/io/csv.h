@@ -9,8 +9,8 @@
 namespace infrasim {
 
 /// Reads rows of comma-separated cells under a given header, one after the other. Cells must not be
-/// quoted. A line ends in \n or \r\n. All parsing errors are ConfigErrors with file, line and
-/// column.
+/// quoted. A line ends in \n or \r\n. A byte-order mark at the begin is ignored. All parsing errors
+/// are ConfigErrors with file, line and column.
 class CsvReader {
  public:
   /// @param optional names of columns that may follow those of the header, in this order; any of

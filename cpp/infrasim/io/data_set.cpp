@@ -46,7 +46,7 @@ std::vector<std::string> lines_of(const std::string& text) {
 }
 
 void compare(const std::filesystem::path& file, const std::string& text, const Identity& identity) {
-  const std::string there = read_file(file);
+  const std::string there = unix_text(read_file(file));  // an editor may have changed the line ends
   if (there == text) return;
   std::string in_folder, of_run;
   try {

@@ -160,10 +160,10 @@ std::vector<int> frames_on_disk(const std::filesystem::path& lidar_folder) {
   const auto folder = lidar_folder / "training" / "velodyne";
   std::error_code error;
   std::vector<int> frames;
-  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-    const std::string stem = entry.path().stem().string();
+  for (const std::filesystem::path& entry : entries_of(folder, error)) {
+    const std::string stem = entry.stem().string();
     const auto frame = parse_number<int>(stem);
-    if (frame && *frame >= 0 && frame_name(*frame) == stem && entry.path().extension() == ".bin")
+    if (frame && *frame >= 0 && frame_name(*frame) == stem && entry.extension() == ".bin")
       frames.push_back(*frame);
   }
   if (error) throw IoError(folder.string() + ": can't be read: " + error.message());

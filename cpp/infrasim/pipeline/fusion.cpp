@@ -17,9 +17,19 @@ const ObjectRecord* find_object(const Frame& frame, int id) {
   return entry != frame.objects.end() && entry->id == id ? &*entry : nullptr;
 }
 
+/// Returns whether a point and the point before it are two echoes of one ray from one object. Like
+/// in the frames of single mounts, two such points count once.
+bool again_after_previous(const FusedFrame& fused, std::size_t i) {
+  const PointCloud& c = fused.frame.cloud;
+  return i > 0 && c.echo[i] == 1 && c.object_id[i] == c.object_id[i - 1] &&
+         c.ring[i] == c.ring[i - 1] && c.time[i] == c.time[i - 1] &&
+         fused.mount[i] == fused.mount[i - 1];
+}
+
 /// Counts the points inside each object's boxes, with the positions that the points have in the
 /// fused frame.
-void count_in_boxes(Frame& frame) {
+void count_in_boxes(FusedFrame& fused) {
+  Frame& frame = fused.frame;
   struct Held {
     ObjectRecord* object;
     BoxFrame frame, scan;
@@ -30,7 +40,7 @@ void count_in_boxes(Frame& frame) {
   const PointCloud& c = frame.cloud;
   for (std::size_t i = 0; i < c.size(); ++i) {
     const auto entry = by_id.find(c.object_id[i]);
-    if (entry == by_id.end()) continue;
+    if (entry == by_id.end() || again_after_previous(fused, i)) continue;
     const Vec3 p{c.xyz[3 * i], c.xyz[3 * i + 1], c.xyz[3 * i + 2]};
     const auto& [object, box, scan_box] = entry->second;
     object->points_in_box += box.contains(p, kBoxMargin);
@@ -126,7 +136,7 @@ FusedFrame Fusion::fuse(int k, std::span<const Frame* const> frames) const {
   for (const MovingObject& o : first_.objects_in_frame(k, period_s_))
     if (std::ranges::any_of(frames, [&](const Frame* f) { return find_object(*f, o.id); }))
       whole.objects.push_back(record(o, frames));
-  count_in_boxes(whole);
+  count_in_boxes(out);
   return out;
 }
 

@@ -1,11 +1,12 @@
 #include "infrasim/pipeline/run_folder.h"
 
 #include <cmath>
-#include <ranges>
+#include <functional>
 
 #include "infrasim/config/fields.h"
 #include "infrasim/config/tree.h"
 #include "infrasim/core/errors.h"
+#include "infrasim/core/files.h"
 #include "infrasim/core/numbers.h"
 #include "infrasim/core/rng.h"
 #include "infrasim/core/version.h"
@@ -90,6 +91,22 @@ std::string lidar_text(const LidarConfig& lidar) {
   return text.substr(0, text.find('\n', text.find('\n') + 1) + 1);
 }
 
+/// Returns the line of a fused lidar.yaml with the names of the mounts.
+/// @param written function that returns a name as it is written
+std::string mounts_line(const NamedMap<MountConfig>& mounts,
+                        const std::function<std::string(const std::string&)>& written) {
+  std::vector<std::string> names;
+  for (const auto& [name, mount] : mounts) names.push_back(written(name));
+  return "mounts: [" + listed(names) + "]\n";
+}
+
+/// Returns the line of a fused lidar.yaml with a digest of the LiDAR's configuration.
+std::string digest_line(LidarConfig lidar) {
+  for (LidarUnit& unit : lidar.units)  // the configuration has digests of its firing tables
+    if (unit.pattern.table) unit.pattern.table->file.clear();
+  return "lidar_digest: \"" + hex_text(hash_name(canonical_lidar(lidar))) + "\"\n";
+}
+
 /// Returns the text of lidar.yaml for the fused frames of all mounts. It has no pattern, because no
 /// single LiDAR could have cast the fused rays.
 std::string fused_text(const RunRequest& request, const World& first, const Fusion& fusion,
@@ -97,13 +114,26 @@ std::string fused_text(const RunRequest& request, const World& first, const Fusi
   const auto& mounts = request.scene.mounts;
   MountConfig level = mounts.begin()->second;
   level.pitch_deg = level.roll_deg = 0;
-  std::string text = lidar_text(lidar) + "mounts: [" + listed(std::views::keys(mounts)) + "]\n" +
+  std::string text = lidar_text(lidar) + mounts_line(mounts, config::quoted_name) +
                      price_text(lidar, mounts.size()) + frames_text(first, lidar, level);
   const std::vector<FieldOfView> views = fields_of_view(lidar);
   for (std::size_t m = 0; m < mounts.size(); ++m)
     for (std::size_t i = 0; i < views.size(); ++i)
       text += view_text(lidar.units[i], views[i], pose_text(fusion.seen_from_first(m)));
-  return text;
+  return text + digest_line(lidar);
+}
+
+/// Returns the identity of a fused lidar.yaml. Earlier versions wrote no digest, and names of
+/// mounts without quotes. Such a file gets the lines of this run.
+Identity fused_identity(const RunRequest& request, const LidarConfig& lidar) {
+  const auto& mounts = request.scene.mounts;
+  const std::string before = mounts_line(mounts, [](const std::string& name) { return name; });
+  return [before, now = mounts_line(mounts, config::quoted_name), digest = digest_line(lidar)](
+             std::string text, const std::string&) {
+    if (const auto at = text.find("\n" + before); at != std::string::npos)
+      text.replace(at + 1, before.size(), now);
+    return text.find("\nlidar_digest: ") == std::string::npos ? text + digest : text;
+  };
 }
 
 /// Returns a copy of the LiDAR whose firing tables lie in the folder of lidar.yaml, so that the
@@ -134,9 +164,12 @@ void write_tables(const LidarConfig& lidar, const std::filesystem::path& folder)
 /// skipped here, and reported by a run of the LiDAR to which it belongs.
 /// @throws IoError
 void check_same_period(const std::filesystem::path& folder, double period_s) {
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    const auto file = entry.path() / "lidar.yaml";
-    if (!std::filesystem::exists(file)) continue;
+  std::error_code error, ignored;
+  const std::vector<std::filesystem::path> entries = entries_of(folder, error);
+  if (error) throw IoError(folder.string() + ": can't be read: " + error.message());
+  for (const std::filesystem::path& entry : entries) {
+    const auto file = entry / "lidar.yaml";
+    if (!std::filesystem::exists(file, ignored)) continue;  // also if the entry can't be read
     config::Tree tree;
     try {
       tree = config::read_tree(file);
@@ -152,9 +185,10 @@ void check_same_period(const std::filesystem::path& folder, double period_s) {
 }
 
 /// Creates the folder of a run and its files, or checks that existing files belong to the same run.
-/// @param texts texts of lidar.yaml, one per LiDAR of the request
+/// @param texts      texts of lidar.yaml, one per LiDAR of the request
+/// @param identities identities of these texts
 void claim_folder(const RunRequest& request, const World& world,
-                  const std::vector<std::string>& texts) {
+                  const std::vector<std::string>& texts, const std::vector<Identity>& identities) {
   create_folder(request.out);
   check_frames_version(request.out / "dataset.yaml");
   claim_file(request.out / "dataset.yaml", run_text(request, world), data_set_identity);
@@ -165,7 +199,7 @@ void claim_folder(const RunRequest& request, const World& world,
   for (std::size_t i = 0; i < texts.size(); ++i) {
     const auto folder = request.out / request.lidars[i].name;
     create_frame_folders(folder, request.scene.point_fields);
-    claim_file(folder / "lidar.yaml", texts[i], lidar_identity);
+    claim_file(folder / "lidar.yaml", texts[i], identities[i]);
   }
   // The trajectories are merged last, because this step changes a file of an existing folder.
   const std::vector<int> frames = frame_numbers(request.frames);
@@ -188,15 +222,18 @@ void open_run_folder(const RunRequest& request, const World& world) {
   std::vector<std::string> texts;  // built before the folder is changed, because building may fail
   for (const LidarConfig& lidar : request.lidars)
     texts.push_back(lidar_yaml(world, lidars.emplace_back(with_tables_beside(lidar))));
-  claim_folder(request, world, texts);
+  claim_folder(request, world, texts, std::vector<Identity>(texts.size(), lidar_identity));
   for (const LidarConfig& lidar : lidars) write_tables(lidar, request.out / lidar.name);
 }
 
 void open_fused_folder(const RunRequest& request, const World& first, const Fusion& fusion) {
   std::vector<std::string> texts;
-  for (const LidarConfig& lidar : request.lidars)
+  std::vector<Identity> identities;
+  for (const LidarConfig& lidar : request.lidars) {
     texts.push_back(fused_text(request, first, fusion, lidar));
-  claim_folder(request, first, texts);
+    identities.push_back(fused_identity(request, lidar));
+  }
+  claim_folder(request, first, texts, identities);
   if (!request.scene.point_fields) return;
   for (const LidarConfig& lidar : request.lidars)
     create_folder(request.out / lidar.name / "training" / "mounts");

@@ -1,6 +1,9 @@
 #include "infrasim/pipeline/scene_filters.h"
 
 #include <algorithm>
+#include <cmath>
+
+#include "infrasim/config/fields.h"
 
 namespace infrasim {
 
@@ -17,6 +20,19 @@ double road_z(const Site& site, const MountConfig& mount) {
 }
 
 }  // namespace
+
+void check_filters(const Site& site, const std::string& name, const MountConfig& mount) {
+  for (std::size_t i = 0; i < site.scene.filters.size(); ++i) {
+    const FilterConfig& filter = site.scene.filters[i];
+    const auto* plane = std::get_if<GroundPlane>(&filter.step);
+    if (plane == nullptr || plane->sensor_height_m != 0) continue;
+    if (const double height_m = mount.z_m - road_z(site, mount); height_m <= 0)
+      config::fail(filter.place, "filters." + std::to_string(i) + ".ground_plane.sensor_height_m",
+                   "expected the height of the sensor above the ground, because mount '" + name +
+                       "' is not above the first road, got none; its height above this road is " +
+                       config::number_text(std::round(height_m * 1000) / 1000) + " m");
+  }
+}
 
 std::vector<FilterStep> make_filters(const Site& site, const MountConfig& mount,
                                      const std::function<std::vector<float>(int)>& empty_frame) {

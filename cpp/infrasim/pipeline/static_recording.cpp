@@ -158,6 +158,10 @@ void take_frame(const std::filesystem::path& folder, int frame, std::vector<Unit
                         std::to_string(i) +
                         ": ring: expected the number of a laser, counted from 0, got " +
                         std::to_string(points.ring[i]));
+    if (const float v = points.intensity[i]; !(v >= 0 && v <= 1))
+      throw ConfigError(folder.string() + ": frame " + frame_name(frame) + ", point " +
+                        std::to_string(i) + ": intensity: expected 0 to 1, got " +
+                        (std::isnan(v) ? "nan" : config::number_text(v)));
     const float* p = &points.xyz[3 * i];
     take_point(*unit, *ring, {p[0], p[1], p[2]}, points.intensity[i]);
   }
@@ -239,7 +243,7 @@ std::size_t fill(const Unit& unit, StaticHits& hits) {
         continue;
       }
       hits.range_m[ray] = echo->range;
-      hits.gain[ray] = std::clamp(echo->intensity, 0.0F, 1.0F);
+      hits.gain[ray] = echo->intensity;
       hits.class_id[ray] = static_cast<std::uint16_t>(Class::kRecorded);
     }
   return too_far;

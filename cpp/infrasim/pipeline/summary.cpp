@@ -47,11 +47,12 @@ std::string_view times_of(std::string_view line) {
 std::vector<std::string> lines_in(const std::filesystem::path& folder) {
   std::vector<std::string> lines;
   if (!std::filesystem::exists(folder / "summary.csv")) return lines;
-  std::istringstream text(read_file(folder / "summary.csv"));
+  std::istringstream text(unix_text(read_file(folder / "summary.csv")));
   std::string line;
   if (!std::getline(text, line) || line != kSummaryHeader) return lines;
+  std::error_code ignored;  // a folder that can't be read holds no LiDAR of the table
   while (std::getline(text, line))
-    if (std::filesystem::exists(folder / line.substr(0, line.find(',')) / "lidar.yaml"))
+    if (std::filesystem::exists(folder / line.substr(0, line.find(',')) / "lidar.yaml", ignored))
       lines.push_back(line);
   return lines;
 }

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <unordered_map>
 #include <utility>
 
 #include "infrasim/config/fields.h"
@@ -39,12 +40,101 @@ class StoredRows {
   std::optional<TrajectoryLine> line_;
 };
 
+std::string text_of(double value) { return config::number_text(value); }
+
+std::string place_of(const ObjectState& s) {
+  return "x " + text_of(s.box.x) + ", y " + text_of(s.box.y);
+}
+
+const ObjectState* find_state(const std::vector<ObjectState>& states, int id) {
+  const auto state = std::ranges::lower_bound(states, id, {}, &ObjectState::id);
+  return state != states.end() && state->id == id ? &*state : nullptr;
+}
+
+/// Compares the rows of an existing file with those of a world. A file may omit a state between two
+/// equal states of the object. Any other difference in a row of both is an error.
+class RowComparison {
+ public:
+  explicit RowComparison(const std::filesystem::path& file) : file_(file) {}
+
+  /// Takes the states that the file has in a row, without those that it omits.
+  void take_stored(const std::vector<ObjectState>& stored) {
+    for (const ObjectState& s : stored) {
+      Stored& last = last_.try_emplace(s.id, Stored{s, {}}).first->second;
+      if (last.omitted_at && last.state != s) fail_without(*last.omitted_at, last.state);
+      last = {s, {}};
+    }
+  }
+  /// Compares a row that both the file and the world have.
+  void compare(int k, const std::vector<ObjectState>& stored,
+               const std::vector<ObjectState>& of_run) {
+    for (const ObjectState& s : stored) {
+      const ObjectState* state = find_state(of_run, s.id);
+      if (state != nullptr && *state == s) continue;
+      fail(k, "it has object " + std::to_string(s.id) + " at " + place_of(s) + ", this run has " +
+                  (state != nullptr ? "it at " + place_of(*state) : "no such object"));
+    }
+    for (const ObjectState& s : of_run) {
+      if (find_state(stored, s.id) != nullptr) continue;
+      const auto last = last_.find(s.id);
+      if (last == last_.end() || last->second.state != s) fail_without(k, s);
+      if (!last->second.omitted_at) last->second.omitted_at = k;
+    }
+    take_stored(stored);
+  }
+  /// Checks, after the last row, that an equal state follows each omitted state.
+  void finish() const {
+    for (const auto& [id, last] : last_)
+      if (last.omitted_at) fail_without(*last.omitted_at, last.state);
+  }
+  [[noreturn]] void fail(int k, const std::string& what) const {
+    throw IoError(file_.string() + ": the folder holds another run: at " + text_of(k / 10.0) +
+                  " s " + what + "; use another folder");
+  }
+
+ private:
+  struct Stored {
+    ObjectState state;              ///< last state in the file
+    std::optional<int> omitted_at;  ///< first row after it in which the file omits the state
+  };
+  [[noreturn]] void fail_without(int k, const ObjectState& s) const {
+    fail(k, "it has no object " + std::to_string(s.id) + " at " + place_of(s) +
+                ", where this run has one");
+  }
+
+  const std::filesystem::path& file_;
+  std::unordered_map<int, Stored> last_;
+};
+
 /// The union of the trajectory rows of a world and of an existing file.
 class UnionOfRows {
  public:
   /// @param existing file with further rows; empty if there is none
   UnionOfRows(const World& world, const std::vector<bool>& rows, std::filesystem::path existing)
       : world_(world), rows_(rows), existing_(std::move(existing)) {}
+
+  /// @throws IoError if the file has other objects than the world in a row of both. The file of a
+  ///   scene with recorded trajectories has all rows.
+  void check() const {
+    if (existing_.empty()) return;
+    const bool whole = !world_.scene.traffic;
+    StoredRows stored(existing_);
+    RowComparison rows(existing_);
+    for (int k = 0; k < static_cast<int>(rows_.size()); ++k) {
+      while (stored.step() && *stored.step() < k) rows.take_stored(stored.take());
+      if (!has(k)) continue;
+      const bool in_file = stored.step() == k;
+      if (!in_file && !whole) continue;
+      rows.compare(k, in_file ? stored.take() : std::vector<ObjectState>{},
+                   with_standing(moving_at(k), world_.trajectories->standing));
+    }
+    while (stored.step()) {
+      const int step = *stored.step();
+      if (whole) rows.fail(step, "it has a row, this run has none");
+      rows.take_stored(stored.take());
+    }
+    rows.finish();
+  }
 
   void each(const RowSink& sink) const {
     std::optional<StoredRows> stored;
@@ -55,7 +145,7 @@ class UnionOfRows {
         sink(step, stored->take());
       }
       if (!has(k)) continue;
-      if (stored && stored->step() == k) check(k, stored->take());
+      if (stored && stored->step() == k) stored->take();
       // Standing objects are needed only in the first and the last of consecutive rows.
       const std::vector<ObjectState> moving = moving_at(k);
       sink(k, has(k - 1) && has(k + 1) ? moving
@@ -75,26 +165,6 @@ class UnionOfRows {
   std::vector<ObjectState> moving_at(int k) const {
     return world_.trajectories->moving_at(world_.position(k * kRowStep_s));
   }
-
-  /// @throws IoError if a stored state differs from that of the world
-  void check(int k, const std::vector<ObjectState>& stored) const {
-    if (stored.empty()) return;
-    const std::vector<ObjectState> states =
-        with_standing(moving_at(k), world_.trajectories->standing);
-    for (const ObjectState& s : stored) {
-      const auto there = std::ranges::lower_bound(states, s.id, {}, &ObjectState::id);
-      const bool exists = there != states.end() && there->id == s.id;
-      if (exists && *there == s) continue;
-      throw IoError(existing_.string() + ": the folder holds another run: at " + text(k / 10.0) +
-                    " s it has object " + std::to_string(s.id) + " at x " + text(s.box.x) + ", y " +
-                    text(s.box.y) + ", this run has " +
-                    (exists ? "it at x " + text(there->box.x) + ", y " + text(there->box.y)
-                            : "no such object") +
-                    "; use another folder");
-    }
-  }
-
-  static std::string text(double value) { return config::number_text(value); }
 
   const World& world_;
   const std::vector<bool>& rows_;
@@ -129,6 +199,7 @@ void merge_rows(const std::filesystem::path& file, const World& world,
     throw IoError(file.string() + ":1: the folder holds another run: expected the column pitch " +
                   (pitched ? "in both runs" : "in no run") + ", got it in one; use another folder");
   const UnionOfRows all(world, rows, exists ? file : "");
+  all.check();
   const RowSource source = [&](const RowSink& sink) { all.each(sink); };
   const auto give = [&](const std::function<void(std::string_view)>& take) {
     write_trajectories(pitched, source, take);

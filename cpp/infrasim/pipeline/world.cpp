@@ -8,6 +8,7 @@
 
 #include "infrasim/config/lidar_config.h"
 #include "infrasim/core/math.h"
+#include "infrasim/pipeline/scene_filters.h"
 #include "infrasim/scene/mesh_file.h"
 #include "infrasim/scene/sensor_rules.h"
 #include "infrasim/scene/site_rules.h"
@@ -111,6 +112,7 @@ World build_world_at(const SceneConfig& scene, const std::shared_ptr<const Site>
   const MountConfig& mount = scene.mounts.begin()->second;
   const LevelPose level = level_pose(mount);
   check_sensor_in_meshes(*site, scene.mounts.begin()->first, mount, meshes->surface);
+  check_filters(*site, scene.mounts.begin()->first, mount);
   std::vector<LeafVolume> leaves = site->leaves;
   for (LeafVolume& volume : leaves) {
     volume.box.z += site->profile.rise({volume.box.x, volume.box.y});

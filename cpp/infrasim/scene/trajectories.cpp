@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <iterator>
-#include <limits>
 #include <stdexcept>
 #include <utility>
 
@@ -89,15 +88,14 @@ std::vector<MovingObject> with_standing(std::vector<MovingObject> moving,
   std::vector<MovingObject> objects;
   objects.reserve(moving.size() + standing.size());
   auto next = standing.begin();
-  const auto add_before = [&](int id) {
-    for (; next != standing.end() && next->id < id; ++next)
-      objects.push_back({next->id, next->object_class, next->box, next->box, next->speed_m_s});
+  const auto add = [&](const ObjectState& s) {
+    objects.push_back({s.id, s.object_class, s.box, s.box, s.speed_m_s});
   };
   for (const MovingObject& o : moving) {
-    add_before(o.id);
+    for (; next != standing.end() && next->id < o.id; ++next) add(*next);
     objects.push_back(o);
   }
-  add_before(std::numeric_limits<int>::max());
+  for (; next != standing.end(); ++next) add(*next);
   return objects;
 }
 

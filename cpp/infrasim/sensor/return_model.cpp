@@ -144,7 +144,7 @@ std::vector<bool> ReturnModel::can_return(const EchoBatch& echoes,
   std::vector<bool> can(echoes.size());
   for (std::size_t i = 0; i < echoes.size(); ++i)
     can[i] = in_range(echoes.range[i], rings[i]) &&
-             (!config_.detection || is_recorded(echoes, i) ||
+             (!config_.detection || config_.every_hit || is_recorded(echoes, i) ||
               config_.detection->steepness * (strength[i] - 1) > -kCertain);
   return can;
 }
@@ -167,7 +167,8 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch
     double intensity = out.strength[i], sigma = config_.range_accuracy_m;
     if (config_.detection) {
       const double ratio = out.strength[i], margin = config_.detection->steepness * (ratio - 1);
-      if (!recorded && !detector.detects(margin, ray_rng, first_sample)) continue;
+      if (!recorded && !config_.every_hit && !detector.detects(margin, ray_rng, first_sample))
+        continue;
       intensity = echoes.reflectance[i] * echoes.gain[i];
       // A detected signal, including its noise, is at least as strong as the threshold.
       sigma /= std::sqrt(2 * std::max(1.0, ratio));
