@@ -13,9 +13,8 @@ import shutil
 import stat
 import sys
 import tempfile
-import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,6 @@ _KINDS = {
     stat.S_IFBLK: "a device",
     stat.S_IFSOCK: "a socket",
 }
-LEFTOVER_S = 3600.0  # age from which a folder of a dead process is removed
 _COUNT = itertools.count()
 
 
@@ -43,17 +41,12 @@ def _prefix(path: Path) -> str:
 
 
 def _remove_leftovers(path: Path) -> None:
-    """Removes hidden folders of `new_folder` left by processes of this machine that have died.
-
-    Younger ones stay: their process may live in another container with the same host name.
-    """
-    prefix, before = _prefix(path), time.time() - LEFTOVER_S
+    """Removes hidden folders of `new_folder` left by processes of this machine that have died."""
+    prefix = _prefix(path)
     for leftover in [p for p in path.parent.iterdir() if p.name.startswith(prefix)]:
         pid = leftover.name.removeprefix(prefix).split(".")[0]
-        with suppress(FileNotFoundError):
-            dead = pid.isdecimal() and not Path("/proc", pid).exists()
-            if dead and leftover.stat().st_mtime < before:
-                shutil.rmtree(leftover, ignore_errors=True)
+        if pid.isdecimal() and not Path("/proc", pid).exists():
+            shutil.rmtree(leftover, ignore_errors=True)
 
 
 def _expect_regular(file: Path) -> None:

@@ -12,6 +12,7 @@ import pandas as pd
 from pyinfra.core.vocabulary import PRESETS
 from reproduction.claims.two_detectors import PRIMARY, TOO_FEW
 from reproduction.commands.experiments import at_catalogue_law
+from reproduction.frames_number import number_of, sentence
 from reproduction.tables import verdicts
 from reproduction.tables.common import (
     Rows,
@@ -65,6 +66,18 @@ def difference_is_clear(row: pd.Series) -> bool:
     return bool(abs(row.value - row.value_before) > math.hypot(*widths) / 2)
 
 
+def with_frames_of_both(make: Callable[[], str]) -> Callable[[], str]:
+    """Returns a function that makes a table, and names below it the frames of both versions."""
+
+    def text() -> str:
+        tables = {BEFORE: f"{BEFORE}/claims", NOW: "claims"}
+        frames = {version: number_of(results(name), name) for version, name in tables.items()}
+        told = [f"For {of}: {sentence(number).lower()}" for of, number in frames.items()]
+        return f"{make()}\n{' '.join(told)}\n"
+
+    return text
+
+
 def counts_of(table: pd.DataFrame) -> tuple[int, int, int, int]:
     """Returns the numbers of verdicts, of changed ones, of reversed ones, and of changed values.
 
@@ -79,6 +92,7 @@ def counts_of(table: pd.DataFrame) -> tuple[int, int, int, int]:
     return len(table), len(changed), reversed_ones, values
 
 
+@with_frames_of_both
 @with_heads(
     "claims about",
     "verdicts in both versions",
@@ -110,6 +124,7 @@ def changed_verdicts(table: pd.DataFrame) -> pd.DataFrame:
     return table[table.verdict != table.verdict_before]
 
 
+@with_frames_of_both
 @with_heads("claim", "scene", "preset", "detector", "vehicles", BEFORE, NOW, "value differs")
 def detection() -> Rows:
     """Returns the verdicts on detection that changed."""
@@ -118,6 +133,7 @@ def detection() -> Rows:
         yield [f"`{row.claim}`", *where, *_cells(row, partial(verdicts.with_interval, row.claim))]
 
 
+@with_frames_of_both
 @with_heads("claim", "vehicles, distance", "preset", BEFORE, NOW, "value differs")
 def scanning() -> Rows:
     """Returns the verdicts on scanning that changed."""

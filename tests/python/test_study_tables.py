@@ -241,7 +241,8 @@ def test_verdicts_are_compared_with_those_of_version_0_4(monkeypatch: pytest.Mon
     few = version_rows(versions.TOO_FEW, 0.0).assign(scene="highway", law_exponent=LAW_EXPONENTS[0])
     tables = {"0.4/claims": before, "claims": pd.concat([now, other, few])}
     monkeypatch.setattr(versions, "results", tables.__getitem__)
-    _, *rows = cells(versions.detection())
+    table, _, frames = versions.detection().partition("\n\n")
+    _, *rows = cells(table)
     assert [row[3:] for row in rows] == [
         [
             "fine-tuned",
@@ -256,6 +257,7 @@ def test_verdicts_are_compared_with_those_of_version_0_4(monkeypatch: pytest.Mon
         ],
     ]
     assert versions.counts_of(versions.of_detection()) == (2, 2, 1, 1)
+    assert frames.startswith("For 0.4: measured on frames of simulator version 0.4")
 
 
 def test_an_end_near_a_limit_has_more_digits() -> None:

@@ -7,7 +7,6 @@
 #include <atomic>
 #include <cerrno>
 #include <charconv>
-#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
@@ -71,16 +70,6 @@ pid_t writer_of(std::string_view name) {
   pid_t pid = 0;
   std::from_chars(digits.data(), digits.data() + digits.size(), pid);
   return name.ends_with("." + host()) ? pid : 0;
-}
-
-/// Minimum age of a leftover. A younger file may belong to a process of another container that has
-/// the same host name, and whose process ids mean nothing here.
-constexpr std::chrono::hours kLeftoverAge{1};
-
-bool is_old(const std::filesystem::path& file) {
-  std::error_code error;
-  const auto written = std::filesystem::last_write_time(file, error);
-  return !error && std::filesystem::file_time_type::clock::now() - written > kLeftoverAge;
 }
 
 /// Renames a file if its new name does not exist, on a file system without hard links.
@@ -163,8 +152,7 @@ void remove_leftovers(const std::filesystem::path& folder) {
   std::error_code error;
   for (const std::filesystem::path& file : entries_of(folder, error)) {
     const pid_t writer = writer_of(file.filename().string());
-    if (writer > 0 && ::kill(writer, 0) != 0 && errno == ESRCH && is_old(file))
-      ::unlink(file.c_str());
+    if (writer > 0 && ::kill(writer, 0) != 0 && errno == ESRCH) ::unlink(file.c_str());
   }
 }
 

@@ -42,8 +42,7 @@ void write_file_atomically(const std::filesystem::path& file, std::string_view b
 /// @return whether the file was written
 bool create_file_atomically(const std::filesystem::path& file, std::string_view text);
 
-/// Removes hidden files in a folder that crashed processes of this machine left behind more than an
-/// hour ago.
+/// Removes hidden files in a folder that crashed processes of this machine left behind.
 void remove_leftovers(const std::filesystem::path& folder);
 
 }  // namespace infrasim
