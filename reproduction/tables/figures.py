@@ -132,7 +132,7 @@ def draw_detectors(rows: pd.DataFrame) -> Figure:
     panels[0].set_ylabel("AP (R1000) of captured vehicles\nfilled: 128 lines, empty: Avia")
     panels[1].set_xscale("symlog", linthresh=10, linscale=0.3)
     panels[1].set_xticks([0, 10, 100, 1000], ["0", "10", "100", "1,000"])
-    panels[1].set(xlabel="time of training, CPU s", xlim=(-3, None))
+    panels[1].set(xlabel="time of training, CPU s", xlim=(-3, 2 * rows.training_s.max()))
     panels[1].grid(alpha=0.3, linewidth=0.4)
     return _finished(figure, panels[0])
 
