@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 SEEN_AND_PRESENT: tuple[Subset, Subset] = ("all", "present")
 MEASURES = {"definition": AP_R1000, "r11": "AP (R11)", "kitti": "AP (R40), devkit"}
 
+OPTIONAL = ("cells", "ranges")  # tables that an evaluation has or not
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Evaluation(Presented):
@@ -89,7 +91,7 @@ class Evaluation(Presented):
         with alone(path):
             # Old files are removed first, so that none remains next to the new AP, also if this
             # evaluation has no such table, or the process is interrupted.
-            for name in ("replicates", "cells", "ranges"):
+            for name in ("replicates", *OPTIONAL):
                 existing(path / f"{name}.csv").unlink(missing_ok=True)
             return write_tables(path, self.tables())
 
@@ -146,7 +148,7 @@ class Evaluation(Presented):
     def tables(self) -> dict[str, pd.DataFrame]:
         names = "ap pr_curve distance_ap areas errors false_positives replicates off_region".split()
         tables = {name: getattr(self, name) for name in names}
-        more = {"cells": self.cells, "ranges": self.ranges}
+        more = {name: getattr(self, name) for name in OPTIONAL}
         return {**tables, **{name: rows for name, rows in more.items() if rows is not None}}
 
 

@@ -22,7 +22,7 @@ from pyinfra.tracking.lines import AnyLines, Line, frames_of, lines_of
 from pyinfra.tracking.movements import movements
 from pyinfra.tracking.passages import UNSEEN_S, passages
 from pyinfra.tracking.queues import interval_numbers, queues
-from pyinfra.tracking.table_file import NUMBER_FORMAT, read_tracks, with_time_text
+from pyinfra.tracking.table_file import NUMBER_FORMAT, check_columns, read_tracks, with_time_text
 
 TABLES = ("passages", "flows", "movements", "travel", "queues")
 MOST_UNSEEN = 0.2  # largest share of unseen passages of a line without a warning
@@ -114,9 +114,7 @@ def count(
     ['E', 'W']
     """
     table = tracks if isinstance(tracks, pd.DataFrame) else read_tracks(path_of(tracks, "tracks"))
-    missing = [name for name in _NEEDED if name not in table]
-    if missing:
-        raise Error(f"tracks: expected the columns {', '.join(missing)}, got none of them")
+    check_columns(table, _NEEDED, "tracks")
     if not 0 < interval_s < np.inf:
         raise Error(f"interval_s: expected a number above 0, got {interval_s:g}")
     frames = frames_of(site)

@@ -22,10 +22,11 @@ from pyinfra.tracking.hota import ZERO_M, Hota, Sightings, clear, distances, hot
 from pyinfra.tracking.lines import AnyLines, Line, lines_of
 from pyinfra.tracking.movements import movements
 from pyinfra.tracking.passages import passages
+from pyinfra.tracking.table_file import check_columns
 
 VISIBLE = 0.2  # minimum visible share of an evaluated vehicle
 PASSAGE_S, PASSAGE_M = 1.5, 2.5  # maximum time and offset between a passage and the true passage
-NEEDED = ("frame", "id", "type", "state", *BOX, "speed_m_s")  # columns of tracks
+_NEEDED = ("frame", "id", "type", "state", *BOX, "speed_m_s")  # columns of tracks
 _RISE = 5  # number of frames on each side of a frame over which the true speed is computed
 
 
@@ -123,8 +124,7 @@ def in_frames(tracks: pd.DataFrame, frames: FrameSequence) -> pd.DataFrame:
 
     Raises Error for a missing column, and for tracks of other frames.
     """
-    if missing := [name for name in NEEDED if name not in tracks]:
-        raise Error(f"tracks: expected the columns {', '.join(missing)}, got none of them")
+    check_columns(tracks, _NEEDED, "tracks")
     if len(other := np.setdiff1d(tracks.frame, frames.numbers)):
         raise Error(f"tracks: frame: expected frames of `frames`, got {other[0]}")
     ordered = tracks.sort_values("frame", kind="stable", ignore_index=True)

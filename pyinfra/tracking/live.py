@@ -20,7 +20,6 @@ import pandas as pd
 from pyinfra.core.arrays import IntArray
 from pyinfra.core.errors import Error, FindingWarning, FormatError
 from pyinfra.dataset.object_rows import BOX
-from pyinfra.formats.csv_table import rounded
 from pyinfra.tracking.state import TYPES, Boxes, Tracks
 from pyinfra.tracking.tracker import Tracker
 from pyinfra.tracking.tracks import boxes_of, table_of
@@ -231,7 +230,7 @@ def records(tracks: Tracks, time_s: float) -> list[dict[str, object]]:
     chosen = tracks.select(rows)
     frame = np.zeros(len(rows), np.int64)
     table = table_of(chosen, frame, np.full(len(rows), time_s))[_SHOWN]
-    return [dict(row) for row in rounded(table).to_dict("records")]
+    return [dict(row) for row in table.round(3).to_dict("records")]
 
 
 def boxes_of_detections(values: Any, scores: Any, names: Any) -> Boxes:

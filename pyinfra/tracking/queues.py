@@ -14,11 +14,15 @@ GAP_M = 15.0  # maximum gap between successive standing vehicles of a queue
 COLUMNS = ["start_s", "line", "mean_queue_m", "max_queue_m", "mean_queued", "max_queued"]
 
 
+def interval_count(start_s: float, end_s: float, interval_s: float) -> int:
+    return max(int(np.ceil((end_s - start_s) / interval_s - 1e-9)), 1)
+
+
 def interval_numbers(
     times: FloatArray, start_s: float, end_s: float, interval_s: float
 ) -> FloatArray:
     """Returns the number of the interval of each time; the end belongs to the last interval."""
-    last = max(np.ceil((end_s - start_s) / interval_s - 1e-9) - 1, 0)
+    last = interval_count(start_s, end_s, interval_s) - 1
     return np.asarray(np.minimum(np.floor((times - start_s) / interval_s), last))
 
 
@@ -35,7 +39,7 @@ def queues(
     times = np.unique(tracks.t_s.to_numpy(np.float64))
     step_s = np.median(np.diff(times)) if len(times) > 1 else np.inf
     number = interval_numbers(times, start_s, end_s, interval_s)
-    count = int(interval_numbers(np.array(np.inf), start_s, end_s, interval_s)) + 1
+    count = interval_count(start_s, end_s, interval_s)
     starts = start_s + interval_s * np.arange(count)
     recorded = np.round(np.minimum(interval_s, end_s - starts) / step_s)
     frames = np.maximum(np.bincount(number.astype(int), minlength=count), np.maximum(recorded, 1))

@@ -1,10 +1,11 @@
 """Reads and writes tracks.csv."""
 
+from collections.abc import Collection
 from pathlib import Path
 
 import pandas as pd
 
-from pyinfra.core.errors import FormatError
+from pyinfra.core.errors import Error, FormatError
 from pyinfra.formats.csv_table import read_csv, write_csv
 
 TRACK_COLUMNS = [
@@ -15,6 +16,12 @@ TRACK_COLUMNS = [
 ]  # fmt: skip
 SEEN, MISSED, HIDDEN = "seen", "missed", "hidden"  # values of `state`
 NUMBER_FORMAT = "%.6g"  # format of all columns except times
+
+
+def check_columns(table: pd.DataFrame, names: Collection[str], argument: str) -> None:
+    """Raises Error, which names the argument, for a table without some of the columns."""
+    if missing := [name for name in names if name not in table]:
+        raise Error(f"{argument}: expected the columns {', '.join(missing)}, got none of them")
 
 
 def write_tracks(file: Path, tracks: pd.DataFrame) -> None:

@@ -18,7 +18,7 @@ from pyinfra.formats import kitti
 from pyinfra.tracking import motion
 from pyinfra.tracking.occlusion import View
 from pyinfra.tracking.state import TYPES, Boxes, Tracks
-from pyinfra.tracking.table_file import HIDDEN, MISSED, SEEN, TRACK_COLUMNS
+from pyinfra.tracking.table_file import HIDDEN, MISSED, SEEN, TRACK_COLUMNS, check_columns
 from pyinfra.tracking.tracker import Tracker, TrackSettings
 
 
@@ -97,9 +97,7 @@ def frame_times(
     detections: pd.DataFrame, frames: FrameSequence | None, period_s: float | None
 ) -> tuple[Sequence[int], Sequence[float]]:
     """Returns the frame numbers and their times, mid-frame. Raises Error."""
-    missing = [name for name in ("frame", "type", *BOX, "score") if name not in detections]
-    if missing:
-        raise Error(f"detections: expected the columns {', '.join(missing)}, got none of them")
+    check_columns(detections, ("frame", "type", *BOX, "score"), "detections")
     frame = detections["frame"].to_numpy()
     if len(frame) and not (np.isfinite(frame) & (frame == np.round(frame))).all():
         wrong = frame[~(np.isfinite(frame) & (frame == np.round(frame)))][0]

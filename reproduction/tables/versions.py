@@ -12,7 +12,7 @@ import pandas as pd
 from pyinfra.core.vocabulary import PRESETS
 from reproduction.claims.two_detectors import PRIMARY, TOO_FEW
 from reproduction.commands.experiments import at_catalogue_law
-from reproduction.frames_number import number_of, sentence
+from reproduction.frames_number import common_number, number_of, sentence
 from reproduction.tables import verdicts
 from reproduction.tables.common import (
     Rows,
@@ -70,9 +70,11 @@ def with_frames_of_both(make: Callable[[], str]) -> Callable[[], str]:
     """Returns a function that makes a table, and names below it the frames of both versions."""
 
     def text() -> str:
-        tables = {BEFORE: f"{BEFORE}/claims", NOW: "claims"}
-        frames = {version: number_of(results(name), name) for version, name in tables.items()}
-        told = [f"For {of}: {sentence(number).lower()}" for of, number in frames.items()]
+        told = []
+        for version, folder in ((BEFORE, f"{BEFORE}/"), (NOW, "")):
+            names = (f"{folder}claims", f"{folder}scanning_claims")
+            number = common_number({name: number_of(results(name), name) for name in names})
+            told.append(f"For {version}: {sentence(number).lower()}")
         return f"{make()}\n{' '.join(told)}\n"
 
     return text

@@ -240,6 +240,7 @@ def test_verdicts_are_compared_with_those_of_version_0_4(monkeypatch: pytest.Mon
     other = now.assign(law_exponent=LAW_EXPONENTS[1], verdict="fails above")
     few = version_rows(versions.TOO_FEW, 0.0).assign(scene="highway", law_exponent=LAW_EXPONENTS[0])
     tables = {"0.4/claims": before, "claims": pd.concat([now, other, few])}
+    tables |= {"0.4/scanning_claims": before, "scanning_claims": now}
     monkeypatch.setattr(versions, "results", tables.__getitem__)
     table, _, frames = versions.detection().partition("\n\n")
     _, *rows = cells(table)
