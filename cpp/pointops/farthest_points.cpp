@@ -68,7 +68,8 @@ Groups grouped(std::span<const float> xyz) {
   std::iota(groups.rows.begin(), groups.rows.end(), 0);
   split(xyz, groups.rows, 0, groups);
   groups.starts.push_back(n);
-  // Rows are sorted within a group, so that the first of equally far points has the lowest row.
+  // Rows are sorted within a group. Of several points at the same distance, the one with the lowest
+  // row therefore comes first.
   for (std::size_t g = 0; g + 1 < groups.starts.size(); ++g)
     std::sort(groups.rows.begin() + static_cast<std::ptrdiff_t>(groups.starts[g]),
               groups.rows.begin() + static_cast<std::ptrdiff_t>(groups.starts[g + 1]));

@@ -13,15 +13,15 @@ import pandas as pd
 import seaborn as sns
 
 RESULTS = "../../results"  # seen from docs/gallery
-keys = ["scene", "preset", "lidar", "detector", "judge"]
+keys = ["scene", "preset", "lidar", "detector", "training"]
 table = pd.read_csv(f"{RESULTS}/experiments.csv")
 table = table[(table.subset == "captured") & (table.label_time == "scan")]
 table = table[(table.cut_angle_deg == 0) & (table.training_cut_angle_deg == 0)]
 columns = {"ap": ("ap_r1000", "mean"), "train_cpu_s": ("train_cpu_s", "mean")}
 means = table.groupby(keys, as_index=False).agg(**columns)
 means = means.merge(pd.read_csv(f"{RESULTS}/latency.csv"), on=keys)
-means["LiDAR"] = means.lidar.map({"ruby_plus": "128 lines", "livox_avia": "Avia"})
-means["detector"] = means.detector.mask(means.detector == "generalist", means["judge"])
+means["LiDAR"] = means.lidar.map({"ruby_plus": "Ruby Plus", "livox_avia": "Avia"})
+means["detector"] = means.detector.mask(means.detector == "generalist", means["training"])
 
 figure, axes = plt.subplots(1, 2, figsize=(10, 4.5), sharey=True, layout="constrained")
 for ax, column in zip(axes, ["latency_p50_ms", "train_cpu_s"], strict=True):

@@ -181,12 +181,12 @@ def compare_with(
     to_object = nearest(everything, all_tracks)
     of_none = to_object < 0
     near = np.hypot(tracks.x, tracks.y).to_numpy() <= within_m
-    judged = np.where(of_none, near, counts[to_object])
-    a, b = sightings(truth[counts]), sightings(tracks[judged])
+    evaluated = np.where(of_none, near, counts[to_object])
+    a, b = sightings(truth[counts]), sightings(tracks[evaluated])
     parts: Hota = hota(a, b)
     mot = clear(a, b)
-    false = false_tracks(tracks[judged].id.to_numpy(), of_none[judged])
-    matched = tracks[judged].iloc[mot.pairs[:, 1]]
+    false = false_tracks(tracks[evaluated].id.to_numpy(), of_none[evaluated])
+    matched = tracks[evaluated].iloc[mot.pairs[:, 1]]
     true_speed = truth[counts].speed_m_s.to_numpy()[mot.pairs[:, 0]]
     speed_error = KM_H * np.abs(matched.speed_m_s.to_numpy() - true_speed)
     speed_error = speed_error[np.isfinite(speed_error)]

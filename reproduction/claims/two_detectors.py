@@ -7,15 +7,15 @@ from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
-# Value of the column `judge`, and detector, for both detectors that decide a claim.
-PRIMARY = (("fine-tuned", "generalist"), ("from nothing", "pointpillars"))
-BOTH = "both"  # value of the column `judge` in a combined row
+# Value of the column `training`, and detector, for both detectors that decide a claim.
+PRIMARY = (("fine-tuned", "generalist"), ("from scratch", "pointpillars"))
+BOTH = "both"  # value of the column `training` in a combined row
 HOLDS, FAILS_ABOVE, FAILS_BELOW = "holds", "fails above", "fails below"
 UNDECIDED, NOT_KNOWN = "undecided", "not known"
 TOO_FEW = "too few replicates"
 CHEAPER = "fails, as a cheaper LiDAR reaches it"
 DEPENDS = "depends on the detector"
-ONE = "judged by one detector"
+ONE = "one detector only"
 FAILS = "fails"
 FAR_FROM_LEVEL = {FAILS_BELOW, CHEAPER}  # both verdicts mean that the claim `value` fails
 CASE = ["claim", "scene", "preset", "label_time", "subset", "law_exponent"]
@@ -48,7 +48,7 @@ def of_both(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
     for key, part in primary.groupby(CASE, sort=False):
         yield {
             **dict(zip(CASE, key, strict=True)),
-            "judge": BOTH,
+            "training": BOTH,
             "primary": False,
             "replicates": part.replicates.min(),
             "verdict": combined(part.verdict.to_list()),
@@ -62,12 +62,12 @@ def undecided(rows: pd.DataFrame) -> Iterator[str]:
     """
     setups = {PRIMARY[0]: PRIMARY[0][0], PRIMARY[1]: PRIMARY[1][1]}
     open_rows = rows[rows.primary & (rows.verdict == UNDECIDED)]
-    keys = ["scene", "preset", "label_time", "judge", "detector", "law_exponent"]
+    keys = ["scene", "preset", "label_time", "training", "detector", "law_exponent"]
     for key, part in open_rows.groupby(keys, sort=False):
-        scene, preset, label_time, judge, detector, exponent = key
+        scene, preset, label_time, training, detector, exponent = key
         yield (
             f"--scenes {scene} --presets {preset} --label-times {label_time} "
-            f"--setups {setups[judge, detector]} --law-exponents {exponent:g}: "
+            f"--setups {setups[training, detector]} --law-exponents {exponent:g}: "
             f"{part.replicates.max()} replicates, undecided: "
             f"{', '.join(dict.fromkeys(part.claim))}"
         )

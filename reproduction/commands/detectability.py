@@ -1,4 +1,4 @@
-"""Fits and checks how likely a detector finds an object with LiDAR points, for `pyinfra plan`.
+"""Fits and checks the probability that a detector finds an object, for `pyinfra plan`.
 
 The command simulates generated sites from several poses each, with labels at the time of the scan,
 and runs the pretrained detector and Background. It stores a file for each run in --work. Run it

@@ -53,9 +53,9 @@ BUNDLES = {"crossroad": "bundle_5_livox_avia"}  # the LiDAR that replaces the si
 
 @dataclass(frozen=True)
 class DetectorSetup:
-    """A detector and its training; its role is the column `judge` of the tables."""
+    """A detector and its training."""
 
-    role: str  # value of the column `judge`
+    training: str  # value of the column `training`
     detector: str  # name of a file in configs/detectors
     tier: Tier | None  # None for the pretrained detector without training
     budget: float = 1.0  # multiple of the tier's training steps
@@ -66,7 +66,7 @@ SETUPS = {
     "background": DetectorSetup("background", "background", "quick"),
     "pretrained": DetectorSetup("pretrained", "generalist", None),
     **{
-        name: DetectorSetup("from nothing", name, "quick", 2.0)
+        name: DetectorSetup("from scratch", name, "quick", 2.0)
         for name in (
             "pointpillars",
             "centerpoint-pillar",
@@ -79,10 +79,10 @@ SETUPS = {
 }
 MAIN = ("fine-tuned", "background", "pretrained")
 KEY = (
-    "scene preset lidar detector judge replicate seed subset label_time training_cut_angle_deg "
+    "scene preset lidar detector training replicate seed subset label_time training_cut_angle_deg "
     "cut_angle_deg law_exponent"
 ).split()
-TEXT = ["judge", "label_time", "subset"]  # columns of the key that hold text in each row
+TEXT = ["training", "label_time", "subset"]  # columns of the key that hold text in each row
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,7 @@ class Trained:
             **asdict(self.replicate),
             "lidar": self.lidar,
             "detector": using.detector,
-            "judge": using.role,
+            "training": using.training,
             "training_cut_angle_deg": self.training_cut_angle_deg,
         }
 

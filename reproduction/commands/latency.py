@@ -29,7 +29,7 @@ from reproduction.commands.experiments import (
 
 LIDARS = ("ruby_plus", "livox_avia")
 REPLICATE = Replicate("highway", "paper", "scan", 1)
-KEY = ["scene", "preset", "lidar", "detector", "judge"]
+KEY = ["scene", "preset", "lidar", "detector", "training"]
 
 
 @command

@@ -8,12 +8,12 @@ the LiDAR with 128 lines. The components are standard deviations:
 - seed: between the two test seeds of a replicate, without `frames`
 - training: between replicates, without `seed` and `frames`. A replicate has its own training seed
   and training traffic.
-- judge, scene, preset, label_time: between the means over replicates, while everything else is
-  equal. Only replicates that all options have are used. The components include the remaining
-  variation of the replicates.
+- detector, scene, preset, label_time: between the means over replicates, while everything else is
+  equal. The options of `detector` are the values of the column `training`. Only replicates that
+  all options have are used. The components include the remaining variation of the replicates.
 
-Groups with fewer than three replicates are left out. Of the networks of the judge
-`from nothing`, which are trained from scratch, only PointPillars is used.
+Groups with fewer than three replicates are left out. Of the networks
+that are trained from scratch, only PointPillars is used.
 
 Components are averaged as variances over all groups that have them. The estimate of a group can be
 negative; a mean below 0 counts as 0. The command writes results/variance.csv:
@@ -35,8 +35,8 @@ from reproduction.commands.experiments import TEXT, at_catalogue_law, at_own_cut
 from reproduction.commands.verdicts import LEAST_REPLICATES, WIDE
 from reproduction.frames_number import number_of
 
-CHOICES = ["judge", "scene", "preset", "label_time"]
-COLUMNS = ["quantity", "judge", "component", "sd", "groups"]
+CHOICES = ["training", "scene", "preset", "label_time"]
+COLUMNS = ["quantity", "training", "component", "sd", "groups"]
 DIFFERENCE = "avia less ruby_plus"
 
 
@@ -48,7 +48,7 @@ def quantities(table: pd.DataFrame) -> pd.DataFrame:
     rows = at_catalogue_law(at_own_cut_angle(table[table.subset == "captured"]))
     replicates = rows.groupby(CHOICES).replicate.transform("nunique")
     rows = rows[replicates >= LEAST_REPLICATES]
-    rows = rows[(rows["judge"] != "from nothing") | (rows.detector == "pointpillars")]
+    rows = rows[(rows["training"] != "from scratch") | (rows.detector == "pointpillars")]
     rows = rows.assign(quantity=rows.lidar.where(~rows.lidar.str.contains("avia"), "avia"))
     rows = rows.rename(columns={"ap_r1000": "value", "ap_r1000_frames_sd": "frames_sd"})
     rows = rows[[*CHOICES, "replicate", "seed", "quantity", "value", "frames_sd"]]
@@ -58,7 +58,7 @@ def quantities(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def nested(rows: pd.DataFrame) -> dict[str, float]:
-    """Returns the variances within one quantity, judge, scene, preset and label time.
+    """Returns the variances within one quantity, training, scene, preset and label time.
 
     They are estimates without bias, and can therefore be negative.
     """
@@ -74,9 +74,9 @@ def nested(rows: pd.DataFrame) -> dict[str, float]:
 
 
 def components(table: pd.DataFrame) -> Iterator[dict[str, object]]:
-    """Yields one row per quantity, judge and component; judge is `all` for a choice."""
+    """Yields one row per quantity, training and component; training is `all` for a choice."""
     values = quantities(table)
-    for (quantity, setup), rows in values.groupby(["quantity", "judge"], sort=False):
+    for (quantity, setup), rows in values.groupby(["quantity", "training"], sort=False):
         groups = [nested(group) for _, group in rows.groupby(CHOICES)]
         for component in groups[0]:
             yield _row(quantity, setup, component, [group[component] for group in groups])
@@ -84,7 +84,8 @@ def components(table: pd.DataFrame) -> Iterator[dict[str, object]]:
         others = [name for name in CHOICES if name != choice]
         for quantity, rows in values.groupby("quantity", sort=False):
             variances = [between(group, choice) for _, group in rows.groupby(others)]
-            yield _row(quantity, "all", choice, variances)
+            component = "detector" if choice == "training" else choice
+            yield _row(quantity, "all", component, variances)
 
 
 def between(rows: pd.DataFrame, choice: str) -> float:
@@ -101,7 +102,7 @@ def _row(
 ) -> dict[str, object]:
     known = [variance for variance in variances if not math.isnan(variance)]
     sd = math.sqrt(max(0.0, float(np.mean(known)))) if known else math.nan
-    names = {"quantity": quantity, "judge": setup, "component": component}
+    names = {"quantity": quantity, "training": setup, "component": component}
     return {**names, "sd": sd, "groups": len(known)}
 
 

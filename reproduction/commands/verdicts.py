@@ -6,7 +6,7 @@ tested three times: after 3, 5 and 10 replicates. Replicates that lack a LiDAR, 
 detectors are compared, are left out. So are those after the last of these numbers. A claim that is
 undecided after the last number is `not known`.
 
-Two detectors are trained for each LiDAR (column `primary`). The rows with judge `both` have the
+Two detectors are trained for each LiDAR (column `primary`). The rows with training `both` have the
 verdict of both. The command writes results/claims.csv, and prints which experiments further
 replicates may decide:
 
@@ -52,7 +52,7 @@ WIDE, MIDDLE = "ruby_plus", "pandar_64"
 SPINNING = [WIDE, MIDDLE, "helios_16"]
 PAIR = ("avia", WIDE)
 MEASURES = ["ap_r1000", "ap_r1000_near", "ap_r1000_far", "p_hqda"]
-GROUP = ["scene", "preset", "judge", "detector", "label_time", "law_exponent", "subset"]
+GROUP = ["scene", "preset", "training", "detector", "label_time", "law_exponent", "subset"]
 OF_DETECTORS = [name if name != "detector" else "lidar" for name in GROUP]  # grouping by LiDAR
 NETWORKS = ("pointpillars", "pv-rcnn", "dsvt")  # networks of the study without PointRCNN
 
@@ -223,7 +223,7 @@ def means_of(rows: pd.DataFrame, compared: str) -> pd.DataFrame:
 
 
 def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
-    """Yields a row for each claim, scene, preset, judge, label time and subset.
+    """Yields a row for each claim, scene, preset, training, label time and subset.
 
     A claim about LiDARs has a row for each detector, and one about detectors has a row for each
     LiDAR. Tests at turned cut angles are left out.
@@ -245,9 +245,9 @@ def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
                 ends = [interval(above_level(same, name).to_numpy()) for name in rivals]
                 row["verdict"] = of_value(avia, ends, len(values))
             group = dict(zip(GROUP, key, strict=True))
-            decides = (group["judge"], group["detector"]) in PRIMARY
+            decides = (group["training"], group["detector"]) in PRIMARY
             yield {**row, "primary": decides and group["label_time"] == "scan", **group}
-    networks = table[table["judge"] == "from nothing"]
+    networks = table[table["training"] == "from scratch"]
     for key, rows in networks.groupby(OF_DETECTORS, sort=False):
         for claim in CLAIMS_OF_DETECTORS:
             if key[-1] in claim.subsets and set(claim.names) <= set(rows.detector):
@@ -256,7 +256,7 @@ def claims(table: pd.DataFrame) -> Iterator[dict[str, object]]:
 
 
 def decided(claim: Claim, means: pd.DataFrame) -> tuple[dict[str, object], pd.Series]:
-    """Returns a claim's value, interval and verdict, and its value in each replicate that counts.
+    """Returns a claim's value, interval and verdict, and its value in each replicate used.
 
     means: measures by replicate.
     """

@@ -173,7 +173,7 @@ def fine_tuning_ap(fairness: pd.DataFrame, experiments: pd.DataFrame) -> dict[st
     have the gain of `fairness`.
     """
     fairness = fairness.replace({"arm": {"none": "pretrained", "tuned_120": "fine-tuned"}})
-    fairness = fairness.rename(columns={"arm": "judge", "site": "scene"})
+    fairness = fairness.rename(columns={"arm": "training", "site": "scene"})
     rows = at_catalogue_law(at_own_cut_angle(experiments))
     rows = rows[(rows.subset == "captured") & (rows.label_time == "scan")]
     gains = pd.concat([_gains(rows), _gains(fairness)])
@@ -184,7 +184,7 @@ def fine_tuning_ap(fairness: pd.DataFrame, experiments: pd.DataFrame) -> dict[st
 def _gains(rows: pd.DataFrame) -> pd.Series:
     """Returns the fine-tuned minus the pretrained AP of each LiDAR, as the mean over scenes."""
     rows = rows[rows.preset == "datasheet"]
-    wide = rows.groupby(["lidar", "scene", "judge"]).ap_r1000.mean().unstack("judge")
+    wide = rows.groupby(["lidar", "scene", "training"]).ap_r1000.mean().unstack("training")
     return (wide["fine-tuned"] - wide["pretrained"]).dropna().groupby("lidar").mean()
 
 

@@ -25,10 +25,10 @@ DETECTORS = {
     "pointrcnn": "PointRCNN",
 }
 LIDARS = {
-    "ruby_plus": "128 lines",
+    "ruby_plus": "Ruby Plus",
     "livox_avia": "Avia",
-    "pandar_64": "64 lines",
-    "helios_16": "16 lines",
+    "pandar_64": "Pandar64",
+    "helios_16": "Helios 16",
 }
 
 Rows = Iterator[Sequence[str]]

@@ -21,8 +21,8 @@ from reproduction.tables import integration, simulator, sites, tracks
 from reproduction.tables.common import LIDARS, results
 from reproduction.tables.verdicts import (
     AVIA,
-    JUDGES,
     TRAINED,
+    TRAININGS,
     aps_of,
     means_of_detectors,
     shown_verdicts,
@@ -31,7 +31,7 @@ from reproduction.tables.verdicts import (
 SIZE_IN = (6.4, 3.0)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 SVG: Any = {"svg.fonttype": "none", "svg.hashsalt": "infrasim"}
-DECIDE = ("fine-tuned", "from nothing")  # detectors that are trained for each LiDAR
+DECIDE = ("fine-tuned", "from scratch")  # detectors that are trained for each LiDAR
 DETECTOR_SCENE = ("highway", "paper")
 VALUE = ["value", "low", "high"]
 
@@ -47,10 +47,10 @@ class Picture:
 def rows_of_claim(claim: str, subset: str = "captured") -> pd.DataFrame:
     """Returns value, low and high of a claim by scene, preset and the detectors that decide."""
     table = shown_verdicts(claim, subset)
-    table = table[table["judge"].isin(DECIDE)].dropna(subset=["value"])
+    table = table[table["training"].isin(DECIDE)].dropna(subset=["value"])
     where = table.scene + ", " + table.preset
     columns = table[["value", "low", "high"]]
-    return columns.assign(row=where, series=table["judge"].map(JUDGES)).reset_index(drop=True)
+    return columns.assign(row=where, series=table["training"].map(TRAININGS)).reset_index(drop=True)
 
 
 def draw_intervals(
@@ -129,7 +129,7 @@ def draw_detectors(rows: pd.DataFrame) -> Figure:
                 label = str(name) if filled else None
                 ax.plot(row[x], row.value, linestyle="none", label=label, **style)
     panels[0].set(xscale="log", xlabel="time of a frame on one thread, ms")
-    panels[0].set_ylabel("AP (R1000) of captured vehicles\nfilled: 128 lines, empty: Avia")
+    panels[0].set_ylabel("AP (R1000) of captured vehicles\nfilled: Ruby Plus, empty: Avia")
     panels[1].set_xscale("symlog", linthresh=10, linscale=0.3)
     panels[1].set_xticks([0, 10, 100, 1000], ["0", "10", "100", "1,000"])
     panels[1].set(xlabel="time of training, CPU s", xlim=(-3, 2 * rows.training_s.max()))
@@ -278,7 +278,7 @@ CLAIM = partial(draw_intervals, holds=(0.0, 1e9))
 FIGURES: dict[str, Picture] = {  # figures by the name of their file in docs/pictures/results
     "comparable": Picture(
         partial(rows_of_claim, "comparable"),
-        partial(draw_intervals, label="AP of the Avia minus AP of 128 lines", holds=(-3.0, 3.0)),
+        partial(draw_intervals, label="AP of the Avia minus AP of Ruby Plus", holds=(-3.0, 3.0)),
     ),
     "gentle": Picture(
         partial(rows_of_claim, "gentle"),
@@ -286,7 +286,7 @@ FIGURES: dict[str, Picture] = {  # figures by the name of their file in docs/pic
     ),
     "areas": Picture(
         partial(rows_of_claim, "areas"),
-        partial(CLAIM, label="share of high-quality areas (%), Avia minus 128 lines"),
+        partial(CLAIM, label="share of high-quality areas (%), Avia minus Ruby Plus"),
     ),
     "value": Picture(rows_of_prices, draw_prices),
     "detectors": Picture(rows_of_detectors, draw_detectors),

@@ -24,7 +24,7 @@ SCANNING = (
         "within range of all",
     ),
     ("", "far-range", " view,", "all vehicles"),
-    ("128 lines have more points at short distance", "near-range", "", ""),
+    ("the Ruby Plus has more points at short distance", "near-range", "", ""),
     ("twice the lines, twice the points", "ratio", "ruby_plus over pandar_64", "128 / 64"),
     ("four times the lines, four times the points", "ratio", "pandar_64 over helios_16", "64 / 16"),
     ("the Avia's points decrease more slowly with distance", "gentle", "", "points"),
@@ -39,7 +39,7 @@ OF_SCANNING = (
         "common, 90 to 120 m (paper: to 100 m)",
     ),
     ("far-range", " view,", "", "view, 90 to 120 m"),
-    ("near-range", "", "`near-range`: 128 lines / Avia, above 1", "common, 30 to 50 m"),
+    ("near-range", "", "`near-range`: Ruby Plus / Avia, above 1", "common, 30 to 50 m"),
     ("ratio", "ruby_plus over pandar_64", "`ratio`: 128 / 64 lines, 1.6 to 2.4", "common"),
     ("ratio", "pandar_64 over helios_16", "`ratio`: 64 / 16 lines, 3.2 to 4.8", "common"),
     (

@@ -33,15 +33,15 @@ def right_place() -> list[str]:
     table = results("placement_summary").set_index("quantity")
     row = table.loc["chosen pose less mean pose, AP"]
     return [
-        f"At equal price, the pose that `pyinfra plan` chooses has {row.value:.0f} AP more than "
-        "the mean of six poses.",
+        f"The pose that `pyinfra plan` chooses has an AP {row.value:.0f} higher than the mean of "
+        "six poses.",
         "[generated sites](docs/results/placement.md); 95 % interval "
         f"[{row.low:.0f}, {row.high:.0f}]",
     ]
 
 
 def same_vehicles() -> list[str]:
-    """Returns the row about the AP of the Avia and of 128 lines, for vehicles that both can see.
+    """Returns the row about the AP of the Avia and the Ruby Plus, for vehicles that both see.
 
     The row has the differences under the study's settings and by data sheets.
     """
@@ -53,8 +53,8 @@ def same_vehicles() -> list[str]:
     )
     counts = dict.fromkeys(str(rows.replicates[name]) for name in ("paper", "datasheet"))
     return [
-        "For vehicles visible to all LiDARs, the Avia's average precision (AP) minus that of "
-        f"128 lines is {paper} with the study's settings, {datasheet} by data sheets.",
+        "For vehicles visible to all LiDARs, the Avia's average precision (AP) minus that of the "
+        f"Ruby Plus is {paper} with the study's settings, {datasheet} by data sheets.",
         f"[highway](docs/results/detection.md), fine-tuned, {'/'.join(counts)} replicates; "
         f"{100 * LEVEL:.1f} % intervals {intervals}",
     ]

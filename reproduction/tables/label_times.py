@@ -35,8 +35,8 @@ def _aps() -> Iterator[tuple[tuple[str, str, str], Aps]]:
     """
     table = at_catalogue_law(results("experiments"))
     table = rows_with(table, subset="captured", training_cut_angle_deg=0)
-    table = table[table["judge"].isin(SETUPS)]
-    for key, part in table.groupby(["scene", "preset", "judge"], sort=False):
+    table = table[table["training"].isin(SETUPS)]
+    for key, part in table.groupby(["scene", "preset", "training"], sort=False):
         aps = {
             (str(lidar), str(label_time)): rows.pivot_table(
                 index="replicate", columns="cut_angle_deg", values="ap_r1000"
@@ -117,7 +117,7 @@ def training_cut_angles() -> Rows:
     """
     table = at_catalogue_law(results("experiments"))
     table = rows_with(table, subset="captured", label_time="frame")
-    groups = table.groupby(["scene", "preset", "judge", "lidar"], sort=False)
+    groups = table.groupby(["scene", "preset", "training", "lidar"], sort=False)
     for (scene, preset, setup, lidar), part in groups:
         angles = sorted(set(part.training_cut_angle_deg))
         if len(angles) > 1:
@@ -134,7 +134,7 @@ def trained_at_angles(lidar: str) -> dict[int, pd.Series]:
     The detector is fine-tuned, with mid-frame labels, on the highway with preset `paper`.
     """
     table = at_catalogue_law(results("experiments"))
-    table = rows_with(table, scene="highway", preset="paper", lidar=lidar, judge="fine-tuned")
+    table = rows_with(table, scene="highway", preset="paper", lidar=lidar, training="fine-tuned")
     table = rows_with(table, subset="captured", label_time="frame")
     means = table.groupby(["training_cut_angle_deg", "cut_angle_deg"]).ap_r1000.mean()
     return {int(angle): means[angle] for angle in means.index.unique(0)}
@@ -145,11 +145,11 @@ def trained_at_angles(lidar: str) -> dict[int, pd.Series]:
     "preset",
     "detector",
     "labels at",
-    "Avia minus 128 lines, AP",
+    "Avia minus Ruby Plus, AP",
     "range over single cut angles",
 )
 def comparison() -> Rows:
-    """Returns the Avia's AP minus that of 128 lines at each label time and cut angle."""
+    """Returns the Avia's AP minus that of the Ruby Plus at each label time and cut angle."""
     for key, aps in _aps():
         for label_time, text in LABEL_TIMES.items():
             avia, wide = aps[NARROW, label_time][0], aps[WIDE, label_time]

@@ -29,7 +29,7 @@ from reproduction.tables.common import results, rows_with, tenth
 
 WIDE, AVIA = "ruby_plus", "livox_avia"
 NAMES = {"pointpillars": "PointPillars", "pv-rcnn": "PV-RCNN", "dsvt": "DSVT"}
-NETWORKS = [(PRIMARY[1][0], name) for name in NAMES]  # judge and detector
+NETWORKS = [(PRIMARY[1][0], name) for name in NAMES]  # training and detector
 POOR = (PRIMARY[1][0], "pointrcnn")
 SCENES = {"highway": "on the highway", "curve": "on the curve", "crossroad": "at the crossroad"}
 SETTINGS = {"paper": "the settings of the study", "datasheet": "the settings of the data sheets"}
@@ -62,10 +62,10 @@ def within(changes: Iterable[Interval]) -> str:
     return f"{math.ceil(10 * far - 1e-9) / 10:g}"
 
 
-def rows_of(claim: str, judge: str = "fine-tuned", subset: str = "captured") -> pd.DataFrame:
+def rows_of(claim: str, training: str = "fine-tuned", subset: str = "captured") -> pd.DataFrame:
     """Returns the rows of a claim with labels at scan time, by scene and preset."""
     table = at_catalogue_law(results("claims"))
-    rows = rows_with(table, claim=claim, judge=judge, subset=subset, label_time="scan")
+    rows = rows_with(table, claim=claim, training=training, subset=subset, label_time="scan")
     return rows.set_index(["scene", "preset"])
 
 
@@ -143,8 +143,8 @@ def areas() -> str:
     text = by_verdict(
         "areas",
         {
-            FAILS_BELOW: f"The Avia has a lower {share} than 128 lines",
-            HOLDS: f"The Avia has a higher {share} than 128 lines",
+            FAILS_BELOW: f"The Avia has a lower {share} than the Ruby Plus",
+            HOLDS: f"The Avia has a higher {share} than the Ruby Plus",
         },
     )
     return (
@@ -178,13 +178,13 @@ def comparable() -> str:
     }
     every = known(bool((captured.value < 0).all() & (common.value < 0).all()), "lower")
     return (
-        f"After fine-tuning, the Avia's AP is {every} than that of 128 lines. The difference is "
-        f"{lower['captured', 'paper']} AP with the settings of the study. With the settings of the "
-        f"data sheets, the difference is {lower['captured', 'datasheet']} AP. For vehicles that "
-        f"all LiDARs can see, the difference is {lower['common', 'paper']} AP with the settings of "
-        "the study. For the same vehicles and the settings of the data sheets, the difference is "
-        f"{lower['common', 'datasheet']} AP. With PointPillars, trained from scratch on the "
-        "highway, the Avia's AP minus that of 128 lines is "
+        f"After fine-tuning, the Avia's AP is {every} than that of the Ruby Plus (128 lines). The "
+        f"difference is {lower['captured', 'paper']} AP with the settings of the study. With the "
+        f"settings of the data sheets, the difference is {lower['captured', 'datasheet']} AP. For "
+        f"vehicles that all LiDARs can see, the difference is {lower['common', 'paper']} AP with "
+        "the settings of the study. For the same vehicles and the settings of the data sheets, the "
+        f"difference is {lower['common', 'datasheet']} AP. With PointPillars, trained from scratch "
+        "on the highway, the Avia's AP minus that of the Ruby Plus is "
         f"{difference(of_pointpillars())} with the settings of the study."
     )
 
@@ -197,10 +197,10 @@ def detector_decides() -> str:
     return (
         "**The difference depends on the detector.** PointPillars was trained from scratch at the "
         "scene, as in the study, on the highway with the settings of the study. With this network, "
-        f"the Avia's AP minus that of 128 lines is {difference(row)}. The verdict on the claim "
-        f"`comparable` is `{row.verdict}`. With PV-RCNN and DSVT, which were trained once, it is "
-        f"{joined([tenth(value) for value in once])} AP, without an interval. The page on "
-        "[detectors](detectors.md) compares these networks."
+        f"the Avia's AP minus that of the Ruby Plus is {difference(row)}. The verdict on the claim "
+        f"`comparable` is `{row.verdict}`. PV-RCNN and DSVT were trained once. With them, the "
+        f"difference is {joined([tenth(value) for value in once])} AP, without an interval. The "
+        "page on [detectors](detectors.md) compares these networks."
     )
 
 
@@ -208,8 +208,8 @@ def lines_64() -> str:
     return by_verdict(
         "64-below",
         {
-            HOLDS: "As the study claims, the AP with 64 lines is lower than with the Avia",
-            FAILS_ABOVE: "The AP with 64 lines is higher than with the Avia",
+            HOLDS: "As in the study, the AP with the Pandar64 (64 lines) is lower than the Avia's",
+            FAILS_ABOVE: "The AP with the Pandar64 (64 lines) is higher than the Avia's",
         },
     )
 
@@ -249,7 +249,7 @@ def detectors() -> str:
     others = aps.drop(index=[POOR, background])[WIDE]
     only = known(
         aps[WIDE][POOR] < aps[WIDE][background] < others.min(),
-        "With 128 lines, only PointRCNN has a lower AP than Background.",
+        "With the Ruby Plus, only PointRCNN has a lower AP than Background.",
     )
     fast, *slow = (times[network] for network in NETWORKS)
     known(fast < min(slow), "PointPillars is the fastest of them")
@@ -258,10 +258,10 @@ def detectors() -> str:
     known(aps[AVIA][tuned] < aps[AVIA][NETWORKS].min(), "fine-tuned AP is lower with the Avia")
     return (
         "PointPillars, PV-RCNN and DSVT, trained from scratch on the highway, have an AP of "
-        f"{span(aps.loc[NETWORKS].to_numpy().ravel())} with 128 lines and with the Avia. "
-        "PointPillars takes less time per frame than PV-RCNN and DSVT. Fine-tuning the pretrained "
-        "detector takes less time than training these networks, but gives a lower AP with the "
-        "Avia. Background needs no labels, and takes the least time per frame. "
+        f"{span(aps.loc[NETWORKS].to_numpy().ravel())} with the Ruby Plus (128 lines) and with the "
+        "Avia. PointPillars takes less time per frame than PV-RCNN and DSVT. Fine-tuning the "
+        "pretrained detector takes less time than training these networks, but gives a lower AP "
+        "with the Avia. Background needs no labels, and takes the least time per frame. "
         f"{only} These results are for the settings of the study."
     )
 
@@ -273,11 +273,11 @@ def claims_of_detectors() -> str:
     behind = networks.max() - aps.loc[POOR, [WIDE, AVIA]]
     spread = networks.max() - networks.min()
     known(bool((spread < 5).all()), "the three networks are within 5 AP")
-    known(behind[WIDE] > 20 > behind[AVIA] > 0, "PointRCNN is far behind with 128 lines")
+    known(behind[WIDE] > 20 > behind[AVIA] > 0, "PointRCNN is far behind with the Ruby Plus")
     return (
-        f"In these trainings, the three networks differ by {span(spread, 1)} AP. With 128 lines, "
-        f"the AP of PointRCNN is {behind[WIDE]:.0f} lower than the highest of the three, as in the "
-        f"study. With the Avia, it is {behind[AVIA]:.0f} lower."
+        f"In these trainings, the three networks differ by {span(spread, 1)} AP. As in the "
+        f"study, the AP of PointRCNN with the Ruby Plus is {behind[WIDE]:.0f} lower than the "
+        f"highest of the three. With the Avia, it is {behind[AVIA]:.0f} lower."
     )
 
 
@@ -290,11 +290,11 @@ def points() -> str:
     )
     return (
         f"With the settings of the study, the Livox Avia has {rows.value['paper']:.1f} times as "
-        "many points on far vehicles as the best other LiDAR. In these settings, only the Avia has "
-        "a long range and no random loss of returns (drop-off). If all ranges are equal, the Avia "
-        f"has {low} points than the best other LiDAR: {rows.value['equal']:.2f} times as many. "
-        f"With the settings of the data sheets, the Avia has {rows.value['datasheet']:.2f} times "
-        "as many points."
+        "many points on far vehicles as the best other LiDAR. In these settings, the Avia alone "
+        "has a long range and no random loss of returns (drop-off). If all ranges are equal, the "
+        f"Avia has {low} points than the best other LiDAR: {rows.value['equal']:.2f} times as "
+        f"many. With the settings of the data sheets, the Avia has {rows.value['datasheet']:.2f} "
+        "times as many points."
     )
 
 
@@ -319,6 +319,6 @@ def seeds() -> str:
     return (
         "With a fine-tuned detector and five replicates, the 95 % interval of the AP difference "
         f"between two LiDARs has a half-width of {tuned[5]:.1f} AP. With three replicates, the "
-        f"half-width is {tuned[3]:.1f} AP. Background needs more replicates: with five, its "
-        f"half-width is {halves['background'][5]:.1f} AP."
+        f"half-width is {tuned[3]:.1f} AP. The detector Background needs more replicates: the "
+        f"half-width is {halves['background'][5]:.1f} AP with five."
     )

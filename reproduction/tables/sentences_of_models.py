@@ -22,19 +22,19 @@ def fidelity() -> str:
     plants = changes["vegetation", "none"]
     finer = [c for value in ("mid", "fine") for c in changes["detail", value].values()]
     higher = [LIDARS[name] for name, change in none.items() if change.is_significant]
-    known(set(LIDARS.values()) - set(higher) == {"128 lines"}, "AP depends on parts, but for one")
+    known(set(LIDARS.values()) - set(higher) == {"Ruby Plus"}, "AP depends on parts, but for one")
     known(not any(c.is_significant for c in finer), "finer bodies do not change AP significantly")
     besides = [LIDARS[name] for name, change in glass.items() if change.is_significant]
     exception = known(besides == ["Avia"], "except for the Avia")
     return (
         "If vehicles have no windows, no gap below them and no clear coat, the AP of "
         f"Background is {span(c.value for c in none.values() if c.is_significant)} too high. With "
-        "128 lines, the difference is not significant. If vehicles have windows, "
+        "the Ruby Plus (128 lines), the difference is not significant. If vehicles have windows, "
         f"the gap and the coat do not change the AP significantly, {exception}. If a scene has no "
         f"plants, the AP is {plants['livox_avia'].value:.0f} too high with the Avia and "
-        f"{plants['helios_16'].value:.0f} too high with 16 lines. Vehicle bodies with ten times "
-        "as many triangles do not change the AP significantly: the intervals of the changes lie "
-        f"within -{within(finer)} to {within(finer)}."
+        f"{plants['helios_16'].value:.0f} too high with the Helios 16. Vehicle bodies with ten "
+        "times as many triangles do not change the AP significantly: the intervals of the changes "
+        f"lie within -{within(finer)} to {within(finer)}."
     )
 
 
@@ -45,9 +45,9 @@ def failures() -> str:
     yaw, height = falls["yaw_error"].values(), falls["height_error"].values()
     return (
         f"With every detector, a yaw error of {span(yaw, 2)} degrees lowers the AP by 10. A height "
-        f"error of {span(height, 1)} m also lowers the AP by 10. A pitch error lowers the AP by 10 "
-        f"from {min(networks.values()):.1f} degrees on with networks, and from "
-        f"{min(background):.2f} degrees on with Background. "
+        f"error of {span(height, 1)} m also lowers the AP by 10. With networks, a pitch error of "
+        f"{min(networks.values()):.1f} degrees can lower the AP by 10. With Background, a pitch "
+        f"error of {min(background):.2f} degrees can do so. "
         f"{_tolerant(('rain', 'fog', 'drop_out'))}"
     )
 
@@ -77,11 +77,11 @@ def integration() -> str:
     known(slow.low > 0 > fast.high, "stacks raise AP at 20 km/h and lower it at 62 km/h")
     none = known(not any(c.low > 0 for c in last), "no significant gain")
     return (
-        "With the Avia, clouds that contain all frames of 0.5 s raise the AP by "
-        f"{slow.value:.1f} if vehicles drive at 20 km/h. The label of such a cloud is that of its "
-        "middle frame, so the result is late. At 62 km/h, clouds of 0.5 s lower the AP. With the "
-        "label of the last frame, which a detector in real time needs, clouds of 0.5 s give "
-        f"{none}."
+        f"With the Avia, clouds that contain all frames of 0.5 s raise the AP by {slow.value:.1f} "
+        "if vehicles drive at 20 km/h. The label of such a cloud is that of its middle frame, so "
+        "boxes are available only after the later frames. At 62 km/h, clouds of 0.5 s lower the "
+        "AP. With the label of the last frame, which a detector in real time needs, clouds of 0.5 "
+        f"s give {none}."
     )
 
 
@@ -113,15 +113,15 @@ def placement() -> str:
     ap = table.loc["helios_16 less ruby_plus, AP"]
     known(gain.low > 0, "the place matters")
     known(found.low < 0 < found.high, "the vehicles found do not differ significantly")
-    known(ap.high < 0, "the AP of several LiDARs of 16 lines is lower")
+    known(ap.high < 0, "the AP of several Helios 16 is lower")
     units = table.loc["helios_16 less ruby_plus, number of LiDARs"].value + 1
     return (
         "At equal price, the pose that `pyinfra plan` predicts to be best has a higher AP than the "
         f"mean of six poses of the same LiDAR. The difference is {gain.value:.0f} AP "
-        f"[{gain.low:.0f}, {gain.high:.0f}]. For the price of one LiDAR with 128 lines, plans "
-        f"have {units:.1f} LiDARs with 16 lines on average. Within 60 m, the shares of vehicles "
-        "that 16 and 128 lines find do not differ significantly. Over the whole region, the AP of "
-        f"the LiDARs with 16 lines is {-ap.value:.0f} lower."
+        f"[{gain.low:.0f}, {gain.high:.0f}]. A plan with several Helios 16 has {units:.1f} units "
+        "on average for the price of one Ruby Plus (128 lines). Within 60 m, the share of vehicles "
+        "found does not differ significantly between the two kinds of plan. Over the whole region, "
+        f"plans with the Helios 16 have an AP that is {-ap.value:.0f} lower."
     )
 
 
@@ -142,12 +142,12 @@ def lidar_models() -> str:
     ]
     return (
         "A comparison needs the divergence of beams and the range of each channel. Without one of "
-        "these models, the ratio of two LiDARs' points per vehicle changes by up to "
-        f"{max(on):.0f} %. More rays per beam and a different separation of echoes change this "
-        "ratio by at most "
-        f"{most:.1f} %, and are off by default. Assumed beam widths, the echo mode and the "
-        f"exponent of the range law change the ratio by {span(largest[name] for name in choices)} "
-        "%. Compare LiDARs with several values of these three settings."
+        f"these models, the ratio of two LiDARs' points per vehicle changes by up to {max(on):.0f} "
+        "%. More rays per beam and a different separation of echoes change this ratio by at most "
+        f"{most:.1f} %, so both are switched off by default. Assumed beam widths, the echo mode "
+        "and the exponent of the range law change the ratio by "
+        f"{span(largest[name] for name in choices)} %. Compare LiDARs with several values of these "
+        "three settings."
     )
 
 
@@ -156,8 +156,9 @@ def tracks() -> str:
     table = table[table.lidar.isin(("ruby_plus", "pandar_64"))]
     off = 100 * (table.passages - table.passages_true).abs() / table.passages_true
     return (
-        f"With 64 and 128 lines, the tracks have a HOTA of {span(table.hota)}. With these LiDARs, "
-        f"the counts of vehicles differ from the true counts by at most {off.max():.0f} %."
+        f"With the Pandar64 and the Ruby Plus, the tracks have a HOTA of {span(table.hota)}. With "
+        "these LiDARs, the counts of vehicles differ from the true counts by at most "
+        f"{off.max():.0f} %."
     )
 
 
@@ -182,7 +183,7 @@ def people() -> str:
     narrow = [end[name] for name in ("helios_16", "velodyne_vlp_16")]
     return (
         "LiDARs with 128 lines have at least 5 points per frame on a pedestrian up to a distance "
-        f"of {span(wide)} m. For LiDARs with 16 lines, this distance is {span(narrow)} m."
+        f"of {span(wide)} m. LiDARs with 16 lines have as many points up to {span(narrow)} m."
     )
 
 
@@ -196,10 +197,11 @@ def plan_intervals() -> str:
     )
     return (
         f"The intervals of {options} options were tested. Of the 95 % intervals of the share of "
-        f"vehicles found, {share[0]} % of the predicted and {share[1]} % of the simulated ones "
-        f"contain the mean of further traffic. For the AP, {ap[0]} % of the predicted and {ap[1]} "
-        f"% of the simulated intervals contain this mean. For the number of false boxes, {false[0]}"
-        f" % of the predicted and {false[1]} % of the simulated intervals contain this mean."
+        f"vehicles found, {share[0]} % of the predicted and {share[1]} % of the simulated "
+        f"intervals contain the mean of further traffic. For the AP, {ap[0]} % of the predicted "
+        f"and {ap[1]} % of the simulated intervals contain this mean. For the number of false "
+        f"boxes, {false[0]} % of the predicted and {false[1]} % of the simulated intervals contain "
+        "this mean."
     )
 
 

@@ -24,7 +24,7 @@ def places() -> str:
     known(all(d.high < 0 for d in higher), "a pole of 8 m has a lower AP than one of 6 m")
     known(all(d.high < 0 for d in tilted), "a tilted LiDAR at 8 m has a lower AP than one at 6 m")
     gains = {name: d for name, d in second.items() if d.low > 0}
-    adds = joined([f"{d.value:.0f} AP with {name}" for name, d in gains.items()])
+    adds = joined([f"{d.value:.0f} with {name}" for name, d in gains.items()])
     known(bool(gains), "a second pole raises the AP with a LiDAR")
     others = "".join(
         f" With {name}, the gain of {d.value:.0f} AP is not significant."
@@ -34,9 +34,9 @@ def places() -> str:
     return (
         f"Houses hide {hidden['back']:.0f} % of the vehicles from the pole before the crossing, "
         f"and {hidden['6m']:.0f} % from the pole at the corner. Only the AP of all vehicles "
-        "includes the hidden ones. At the corner, fewer vehicles are hidden from a height of 8 m "
-        "than from 6 m, but the AP of all vehicles is lower at 8 m, also if the LiDAR is tilted "
-        f"down. A second pole of 6 m adds {adds}.{others}"
+        "includes hidden vehicles. At the corner, a LiDAR at 8 m has fewer hidden vehicles "
+        "than a LiDAR at 6 m. But its AP of all vehicles is lower, even if it is tilted down. "
+        f"A second pole of 6 m raises the AP by {adds}.{others}"
     )
 
 
@@ -52,12 +52,12 @@ def poles() -> str:
         of_count = {lidar: d for (lidar, count), d in changes.items() if count == by_count}
         equal = [lidar for lidar, d in of_count.items() if not d.is_significant]
         more = span(d.value for lidar, d in of_count.items() if lidar not in equal)
-        besides = f"; with {joined(equal)}, the change is not significant" if equal else ""
-        return f"{more} AP{besides}"
+        besides = f"; with the {joined(equal)}, the change is not significant" if equal else ""
+        return f"{more}{besides}"
 
     return (
-        f"With Background, a second pole adds {added(2)}. The third and fourth pole together add "
-        f"{added(4)}."
+        f"With the detector Background, a second pole raises the AP by {added(2)}. The third and "
+        f"fourth pole together raise the AP by {added(4)}."
     )
 
 
@@ -75,5 +75,6 @@ def pole_errors() -> str:
     return (
         f"Clocks that are up to 50 ms late change the mean AP by at most {most:.1f} at this "
         f"junction. A yaw error of 0.5 degrees lowers the mean AP by {span(turned[2])} with two "
-        f"poles. With four poles, the same error lowers the mean AP by {span(turned[4])}."
+        f"poles, depending on LiDAR and detector. With four poles, the same error lowers the mean "
+        f"AP by {span(turned[4])}."
     )

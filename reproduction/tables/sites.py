@@ -106,7 +106,7 @@ def traffic() -> Rows:
     "vehicles",
     *(f"{step}, s" for step in SITE_STEPS),
     "Background, s",
-    "AP of `all`, 128 lines",
+    "AP of `all`, Ruby Plus",
     "AP of `all`, Avia",
     "AP of `captured`, Avia",
 )

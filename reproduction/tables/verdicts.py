@@ -43,17 +43,17 @@ SETUPS = {
     "background": "Background",
     "pretrained": "pretrained, not fine-tuned",
 }
-NETWORK = {"from nothing": "PointPillars, trained at the scene"}
-JUDGES = {"fine-tuned": SETUPS["fine-tuned"], **NETWORK, BOTH: "both", **SETUPS}
-TRAINED = {  # names of trained detectors, by (judge, detector)
+NETWORK = {"from scratch": "PointPillars, trained at the scene"}
+TRAININGS = {"fine-tuned": SETUPS["fine-tuned"], **NETWORK, BOTH: "both", **SETUPS}
+TRAINED = {  # names of trained detectors, by (training, detector)
     ("fine-tuned", "generalist"): "pretrained, fine-tuned",
     ("pretrained", "generalist"): "pretrained, not fine-tuned",
-    **{("from nothing", name): words for name, words in DETECTORS.items()},
+    **{("from scratch", name): words for name, words in DETECTORS.items()},
     ("background", "background"): "Background",
 }
 AVIA = "livox_avia"
 COMPONENTS = {
-    "judge": "detector",
+    "detector": "detector",
     "scene": "scene",
     "preset": "preset",
     "label_time": "label time",
@@ -67,25 +67,25 @@ FALSE_BY_CHANCE = 0.05  # upper bound of the probability of a false verdict with
 
 
 def verdicts(claim: str, subset: str = "captured") -> str:
-    """Returns a table with one row per scene and preset, and one column per judge.
+    """Returns a table with one row per scene and preset, and one column per training.
 
-    Of the networks that were trained from nothing, it has PointPillars. The column of both
+    Of the networks that were trained from scratch, it has PointPillars. The column of both
     detectors has the verdict of the study.
     """
-    rows = shown_verdicts(claim, subset).set_index(["scene", "preset", "judge"])
-    pairs = rows.index.droplevel("judge").unique()
-    judges = rows.index.unique("judge")
-    columns = {judge: words for judge, words in JUDGES.items() if judge in judges}
+    rows = shown_verdicts(claim, subset).set_index(["scene", "preset", "training"])
+    pairs = rows.index.droplevel("training").unique()
+    trainings = rows.index.unique("training")
+    columns = {training: words for training, words in TRAININGS.items() if training in trainings}
     return markdown(
         ["scene", "preset", *columns.values()],
-        [[*pair, *(_verdict(rows, (*pair, judge)) for judge in columns)] for pair in pairs],
+        [[*pair, *(_verdict(rows, (*pair, training)) for training in columns)] for pair in pairs],
     )
 
 
 def shown_verdicts(claim: str, subset: str) -> pd.DataFrame:
     """Returns the rows of a claim with boxes at scan time. PointPillars is the only network."""
     table = _claims_with_enough_replicates()
-    shown = (table["judge"] != "from nothing") | (table.detector == "pointpillars")
+    shown = (table["training"] != "from scratch") | (table.detector == "pointpillars")
     return table[
         shown & (table.claim == claim) & (table.subset == subset) & (table.label_time == "scan")
     ]
@@ -122,7 +122,7 @@ def aps_of(
     The replicates are those of the verdicts.
     """
     table = at_catalogue_law(at_own_cut_angle(results("experiments")))
-    table = rows_with(table, subset=subset, judge=setup, label_time="scan")
+    table = rows_with(table, subset=subset, training=setup, label_time="scan")
     for (scene, preset), rows in table.groupby(["scene", "preset"], sort=False):
         wide = rows.pivot_table(index="replicate", columns="lidar", values="ap_r1000").dropna()
         if len(wide) >= LEAST_REPLICATES:
@@ -133,7 +133,7 @@ def _name(lidar: str) -> str:
     return LIDARS.get(lidar, "5 Avias" if "avia" in lidar else lidar)
 
 
-@with_heads("scene", "preset", "128 lines", "Avia (crossroad: 5)", "64 lines", "16 lines")
+@with_heads("scene", "preset", "Ruby Plus", "Avia (crossroad: 5)", "Pandar64", "Helios 16")
 def average_precision(subset: str = "captured") -> Rows:
     """Returns the AP of the fine-tuned detector: one row per scene and preset."""
     for pair, aps in aps_of(subset):
@@ -143,7 +143,7 @@ def average_precision(subset: str = "captured") -> Rows:
 
 
 def detectors(scene: str, preset: str, subset: str = "captured") -> str:
-    """Returns the AP of each detector with 128 lines and the Avia, and the paired difference.
+    """Returns the AP of each detector with the Ruby Plus and the Avia, and the paired difference.
 
     A detector with one or two replicates has no interval. The CPU seconds of the training, and the
     milliseconds of a frame on one thread, are means over both LiDARs.
@@ -152,7 +152,7 @@ def detectors(scene: str, preset: str, subset: str = "captured") -> str:
     timed = len(ms_of) > 0
     rows = []
     for (setup, name), words in TRAINED.items():
-        part = table[(table["judge"] == setup) & (table.detector == name)]
+        part = table[(table["training"] == setup) & (table.detector == name)]
         aps = part.pivot_table(index="replicate", columns="lidar", values="ap_r1000")
         if {WIDE, AVIA} <= set(aps):
             aps = aps.dropna(subset=[WIDE, AVIA])
@@ -162,16 +162,16 @@ def detectors(scene: str, preset: str, subset: str = "captured") -> str:
             if timed:
                 times.append(f"{ms_of[setup, name]:.0f}" if (setup, name) in ms_of else "")
             rows.append([words, *cells, str(len(aps)), *times])
-    heads = ["detector", "128 lines", "Avia", "Avia minus 128 lines", "replicates"]
+    heads = ["detector", "Ruby Plus", "Avia", "Avia minus Ruby Plus", "replicates"]
     heads += ["training, CPU s", "frame, ms"] if timed else ["training, CPU s"]
     return markdown(heads, rows)
 
 
 def _of_scene(scene: str, preset: str, subset: str) -> tuple[pd.DataFrame, pd.Series]:
-    """Returns the experiments of a scene, and the ms of a frame by judge and detector."""
+    """Returns the experiments of a scene, and the ms of a frame by training and detector."""
     table = at_catalogue_law(at_own_cut_angle(results("experiments")))
     latency = rows_with(results("latency"), scene=scene, preset=preset)
-    times = latency.groupby(["judge", "detector"]).latency_p50_ms.mean()
+    times = latency.groupby(["training", "detector"]).latency_p50_ms.mean()
     of_scene = rows_with(table, scene=scene, preset=preset, subset=subset, label_time="scan")
     return of_scene, times
 
@@ -179,12 +179,12 @@ def _of_scene(scene: str, preset: str, subset: str) -> tuple[pd.DataFrame, pd.Se
 def means_of_detectors(scene: str, preset: str) -> tuple[pd.DataFrame, pd.Series, pd.Series]:
     """Returns AP (`captured`) by LiDAR, training CPU seconds, and milliseconds of a frame.
 
-    The rows are pairs of judge and detector. The times are means over 128 lines and the Avia.
+    The rows are pairs of training and detector. The times are means over Ruby Plus and Avia.
     """
     table, times = _of_scene(scene, preset, "captured")
     table = table[table.lidar.isin((WIDE, AVIA))]
-    aps = table.groupby(["judge", "detector", "lidar"]).ap_r1000.mean().unstack()
-    return aps, table.groupby(["judge", "detector"]).train_cpu_s.mean(), times
+    aps = table.groupby(["training", "detector", "lidar"]).ap_r1000.mean().unstack()
+    return aps, table.groupby(["training", "detector"]).train_cpu_s.mean(), times
 
 
 def _of_detectors(row: Any) -> str:
@@ -193,7 +193,7 @@ def _of_detectors(row: Any) -> str:
     return f"{row.value:.1f} [{row.low:.1f}, {row.high:.1f}], {row.verdict}"
 
 
-@with_heads("claim", "128 lines", "Avia")
+@with_heads("claim", "Ruby Plus", "Avia")
 def claims_of_detectors() -> Rows:
     """Returns the verdicts of the claims about detectors: a row per claim, a column per LiDAR."""
     table = results("claims").dropna(subset="lidar")
@@ -246,10 +246,10 @@ def variance() -> str:
     """Returns the standard deviations of AP by component, for the fine-tuned detector."""
     table = results("variance")
     table = (
-        table[table["judge"].isin(("all", "fine-tuned"))].set_index(["component", "quantity"]).sd
+        table[table["training"].isin(("all", "fine-tuned"))].set_index(["component", "quantity"]).sd
     )
-    names = {"ruby_plus": "128 lines", "avia": "Avia", "pandar_64": "64 lines"}
-    names |= {"helios_16": "16 lines", DIFFERENCE: "Avia minus 128 lines"}
+    names = {"ruby_plus": "Ruby Plus", "avia": "Avia", "pandar_64": "Pandar64"}
+    names |= {"helios_16": "Helios 16", DIFFERENCE: "Avia minus Ruby Plus"}
     rows = [
         [text, *("" if pd.isna(sd) else f"{sd:.1f}" for sd in table[component].reindex([*names]))]
         for component, text in COMPONENTS.items()
@@ -264,22 +264,23 @@ def costs() -> str:
     The time of a training is a mean over the machine with most trainings, and the sum is over all.
     """
     table = results("experiments")
-    key = ["judge", "detector", "scene", "preset", "label_time", "replicate", "lidar"]
+    key = ["training", "detector", "scene", "preset", "label_time", "replicate", "lidar"]
     key += ["training_cut_angle_deg"]
     table = table[table.train_cpu_s > 0].drop_duplicates(key)
     rows = []
-    for (judge, detector, scene), part in table.groupby(["judge", "detector", "scene"], sort=False):
+    for key, part in table.groupby(["training", "detector", "scene"], sort=False):
+        training, detector, scene = map(str, key)
         machine = part.machine.mode()[0]
         seconds = part.train_cpu_s[part.machine == machine].mean()
         hours = part.train_cpu_s.sum() / 3600
         figures = (f"{len(part)}", f"{seconds:.0f}", machine, f"{hours:.1f}")
-        rows.append([TRAINED[str(judge), str(detector)], str(scene), *figures])
+        rows.append([TRAINED[training, detector], scene, *figures])
     heads = ["detector", "scene", "trainings", "CPU s of a training", "machine", "CPU h"]
     return markdown(heads, rows)
 
 
 def seeds() -> str:
-    """Returns the half-width of the interval of the Avia's AP minus that of 128 lines."""
+    """Returns the half-width of the interval of the Avia's AP minus that of the Ruby Plus."""
     halves = half_widths()
     rows = [
         [str(count), *(f"{by_count[count]:.1f}" for by_count in halves.values())]
@@ -289,9 +290,9 @@ def seeds() -> str:
 
 
 def half_widths() -> dict[str, pd.Series]:
-    """Returns the half-widths of the table `seeds` by number of replicates, for each judge."""
+    """Returns the half-widths of the table `seeds` by number of replicates, for each training."""
     table = results("variance")
-    table = table[table.quantity == DIFFERENCE].set_index(["judge", "component"]).sd
+    table = table[table.quantity == DIFFERENCE].set_index(["training", "component"]).sd
     return {
         setup: pd.Series({count: _half_width(table[setup], count) for count in REPLICATES})
         for setup in SETUPS
@@ -311,7 +312,7 @@ def law_of_range() -> Rows:
     The presets without a law of range have no row.
     """
     where = {"scene": "highway", "preset": "datasheet", "label_time": "scan"}
-    table = rows_with(results("claims"), judge=PRIMARY[0][0], **where)
+    table = rows_with(results("claims"), training=PRIMARY[0][0], **where)
     for (claim, subset), part in table.groupby(["claim", "subset"], sort=False):
         by_exponent = part.set_index("law_exponent").verdict
         ends = [by_exponent.get(exponent, "not measured") for exponent in LAW_EXPONENTS]
@@ -331,10 +332,11 @@ def decided(subsets: Sequence[str] = ("captured", "common", "present")) -> Rows:
     """Returns how many primary rows each detector decides, and how many both decide."""
     table = _claims_with_enough_replicates()
     table = table[table.subset.isin(subsets) & (table.label_time == "scan")]
-    for (preset, judge), part in table[table.primary].groupby(["preset", "judge"], sort=False):
-        yield [str(preset), JUDGES[str(judge)], *_counts(part)]
-    for preset, part in table[table.judge == BOTH].groupby("preset", sort=False):
-        yield [str(preset), JUDGES[BOTH], *_counts(part[part.verdict != ONE])]
+    primary = table[table.primary]
+    for (preset, training), part in primary.groupby(["preset", "training"], sort=False):
+        yield [str(preset), TRAININGS[str(training)], *_counts(part)]
+    for preset, part in table[table.training == BOTH].groupby("preset", sort=False):
+        yield [str(preset), TRAININGS[BOTH], *_counts(part[part.verdict != ONE])]
 
 
 def _counts(rows: pd.DataFrame) -> list[str]:
@@ -342,7 +344,7 @@ def _counts(rows: pd.DataFrame) -> list[str]:
 
     A verdict of both is wrong if one of the two is, so that its bound is twice as high.
     """
-    both = bool((rows["judge"] == BOTH).all())
+    both = bool((rows["training"] == BOTH).all())
     open_rows = rows.verdict.isin([UNDECIDED, NOT_KNOWN]).sum()
     depends = (rows.verdict == DEPENDS).sum()
     known = "" if both else str(int(rows.known.sum()))

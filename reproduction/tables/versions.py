@@ -23,7 +23,7 @@ from reproduction.tables.common import (
 from reproduction.tables.findings import OF_SCANNING, rows_of
 
 BEFORE, NOW = "0.4", "0.5"
-KEY = ["claim", "scene", "preset", "judge", "detector", "subset"]
+KEY = ["claim", "scene", "preset", "training", "detector", "subset"]
 COLUMNS = ["value", "low", "high", "verdict"]
 
 
@@ -36,7 +36,7 @@ def of_detection() -> pd.DataFrame:
     now = at_catalogue_law(results("claims")).drop(columns="law_exponent")
     tables = []
     for table in (results(f"{BEFORE}/claims"), now):
-        decides = pd.MultiIndex.from_frame(table[["judge", "detector"]]).isin(PRIMARY)
+        decides = pd.MultiIndex.from_frame(table[["training", "detector"]]).isin(PRIMARY)
         measured = decides & (table.label_time == "scan") & (table.verdict != TOO_FEW)
         tables.append(table[measured][KEY + COLUMNS])
     before, now = tables
@@ -117,7 +117,7 @@ def _sentences(subject: str, table: pd.DataFrame) -> str:
     every, changed, reversed_ones, values = (number or "none" for number in counts_of(table))
     return (
         f"Of the {every} verdicts on {subject}, {changed} changed, and {reversed_ones} changed "
-        f"from `holds` to `fails` or the reverse. Of the {every} values, {values} differ by "
+        f"from `holds` to `fails` or the reverse. Of the {every} values, {values} changed by "
         "more than chance explains."
     )
 
@@ -131,7 +131,7 @@ def changed_verdicts(table: pd.DataFrame) -> pd.DataFrame:
 def detection() -> Rows:
     """Returns the verdicts on detection that changed."""
     for _, row in changed_verdicts(of_detection()).iterrows():
-        where = [row.scene, row.preset, verdicts.JUDGES[row["judge"]], f"`{row.subset}`"]
+        where = [row.scene, row.preset, verdicts.TRAININGS[row["training"]], f"`{row.subset}`"]
         yield [f"`{row.claim}`", *where, *_cells(row, partial(verdicts.with_interval, row.claim))]
 
 

@@ -32,7 +32,7 @@ def test_each_text_is_in_a_page() -> None:
 def test_a_text_has_whole_sentences_without_unknown_values(name: str) -> None:
     text = tables.TEXTS[name]()
     assert text.endswith(".")
-    assert not re.search(r"\bnan\b|\binf\b|\bNone\b|  ", text)
+    assert not re.search(r"\bnan\b|\binf\b|\bNone\b|  |{", text)
 
 
 def claim_rows(**verdicts: str) -> pd.DataFrame:
@@ -41,11 +41,11 @@ def claim_rows(**verdicts: str) -> pd.DataFrame:
         {"scene": name.split("_")[0], "preset": name.split("_")[1], "verdict": verdict}
         for name, verdict in verdicts.items()
     ]
-    common = {"claim": "gentle", "judge": "fine-tuned", "subset": "captured", "value": 1.0}
+    common = {"claim": "gentle", "training": "fine-tuned", "subset": "captured", "value": 1.0}
     common |= {"label_time": "scan", "law_exponent": 0.25, "low": 0.0, "high": 2.0}
-    both = pd.DataFrame(rows).assign(judge="both", verdict="judged by one detector")
-    return pd.concat([pd.DataFrame(rows).assign(judge="fine-tuned"), both]).assign(
-        **{k: v for k, v in common.items() if k != "judge"}
+    both = pd.DataFrame(rows).assign(training="both", verdict="one detector only")
+    return pd.concat([pd.DataFrame(rows).assign(training="fine-tuned"), both]).assign(
+        **{k: v for k, v in common.items() if k != "training"}
     )
 
 
@@ -57,14 +57,14 @@ def test_a_sentence_names_the_cases_of_each_verdict(monkeypatch: pytest.MonkeyPa
         "It decreases less on the highway and on the curve with the settings of the study. "
         "The difference is not significant on the curve with the settings of the data sheets."
     )
-    rows.loc[rows["judge"] == "fine-tuned", "verdict"] = "fails above"
+    rows.loc[rows["training"] == "fine-tuned", "verdict"] = "fails above"
     with pytest.raises(Error, match=r"gentle: expected a sentence .*fails above"):
         sentences.by_verdict("gentle", {"holds": "It decreases less"})
 
 
 def test_verdicts_of_both_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     rows = claim_rows(highway_paper="holds", curve_paper="holds")
-    both = (rows["judge"] == "both") & (rows.scene == "curve")
+    both = (rows["training"] == "both") & (rows.scene == "curve")
     rows.loc[both, "verdict"] = "depends on the detector"
     monkeypatch.setattr(sentences, "results", lambda _: rows)
     assert sentences.of_both("gentle").endswith(

@@ -68,7 +68,7 @@ def test_a_significant_change_is_printed_with_an_interval_without_0(
 
 def rung_rows() -> pd.DataFrame:
     """Returns rows of three seeds: without beams, the Avia loses a fifth of its points at 30 m, and
-    128 lines lose a tenth. At 60 m, the Avia has too few points."""
+    The Ruby Plus loses a tenth. At 60 m, the Avia has too few points."""
     kept = {("livox_avia", 30): (50, 40), ("ruby_plus", 30): (200, 180)}
     kept |= {("livox_avia", 60): (0.5, 0.1), ("ruby_plus", 60): (20, 20)}
     rows = [
@@ -83,15 +83,15 @@ def test_a_rung_has_the_largest_change_relative_to_another_lidar(
 ) -> None:
     monkeypatch.setattr(rungs, "results", lambda _: rung_rows())
     monkeypatch.setattr(rungs, "BANDS", {30: "30 to 60 m", 60: "60 to 90 m"})
-    monkeypatch.setattr(rungs, "LIDARS", {"ruby_plus": "128 lines", "livox_avia": "Avia"})
+    monkeypatch.setattr(rungs, "LIDARS", {"ruby_plus": "Ruby Plus", "livox_avia": "Avia"})
     ((_, *row),) = cells(rungs.rungs())[1:]
     assert row[:2] == ["-20.0 to -10.0", "+0.0 to +0.0"]
-    assert row[2] == "+12.5 [+12.5, +12.5]: 128 lines relative to Avia, 30 to 60 m"
+    assert row[2] == "+12.5 [+12.5, +12.5]: Ruby Plus relative to Avia, 30 to 60 m"
     assert cells(rungs.rungs_by_lidar())[1][:2] == ["Avia", "-20.0 [-20.0, -20.0]"]
 
 
 def test_a_change_of_ap_by_beams_is_paired_by_seed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rungs, "LIDARS", {"ruby_plus": "128 lines"})
+    monkeypatch.setattr(rungs, "LIDARS", {"ruby_plus": "Ruby Plus"})
     table = pd.DataFrame(
         {"rung": rung, "lidar": "ruby_plus", "detector": "background", "seed": seed, "ap_r1000": ap}
         for rung, aps in {"default": (90.0, 80.0, 70.0), "one ray": (88.0, 78.0, 68.0)}.items()
@@ -149,7 +149,7 @@ def pole_rows() -> pd.DataFrame:
 def test_gains_and_costs_of_poles_are_paired_by_seed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sites, "results", lambda _: pole_rows())
     (_, row), (_, errors) = cells(sites.poles()), cells(sites.pole_errors())
-    assert row[:2] == ["16 lines", "Background"]
+    assert row[:2] == ["Helios 16", "Background"]
     assert row[2].startswith("36.0 [")
     assert row[5:] == ["+15.0 [+15.0, +15.0]", "+15.0 [+15.0, +15.0]"]
     assert errors[2:4] == ["2", "-1.0 [-1.0, -1.0]"]
@@ -177,10 +177,10 @@ def experiment_rows() -> pd.DataFrame:
     common |= {"law_exponent": 0.25}
     rows = []
     for lidar, ap in (("ruby_plus", 95.0), ("livox_avia", 90.0)):
-        nothing = {"judge": "from nothing", "detector": "pointpillars", "label_time": "scan"}
+        nothing = {"training": "from scratch", "detector": "pointpillars", "label_time": "scan"}
         nothing |= {"replicate": 1, "training_cut_angle_deg": 0, "cut_angle_deg": 0}
         rows.append({**common, **nothing, "lidar": lidar, "ap_r1000": ap})
-    tuned = {"judge": "fine-tuned", "detector": "generalist", "label_time": "frame"}
+    tuned = {"training": "fine-tuned", "detector": "generalist", "label_time": "frame"}
     for angle, test, r in itertools.product((0, 90), label_times.ANGLES_DEG, (1, 2, 3)):
         angles = {"training_cut_angle_deg": angle, "cut_angle_deg": test, "replicate": r}
         ap = 95.0 if angle == test else 80.0
@@ -189,7 +189,7 @@ def experiment_rows() -> pd.DataFrame:
 
 
 def test_a_detector_with_one_replicate_has_no_interval(monkeypatch: pytest.MonkeyPatch) -> None:
-    latency = {"scene": "highway", "preset": "paper", "judge": "from nothing"}
+    latency = {"scene": "highway", "preset": "paper", "training": "from scratch"}
     latency |= {"detector": "pointpillars", "latency_p50_ms": [30.0, 40.0]}
     tables = {"experiments": experiment_rows(), "latency": pd.DataFrame(latency)}
     monkeypatch.setattr(verdicts, "results", tables.__getitem__)
@@ -213,7 +213,7 @@ def test_claims_about_detectors_have_a_verdict_for_each_lidar(
 
 
 def test_times_of_different_machines_are_not_averaged(monkeypatch: pytest.MonkeyPatch) -> None:
-    rows = experiment_rows().query("judge == 'fine-tuned'").assign(machine="fast")
+    rows = experiment_rows().query("training == 'fine-tuned'").assign(machine="fast")
     slow = rows.assign(machine="slow", train_cpu_s=600.0, replicate=rows.replicate + 3)
     some = slow[slow.replicate == 4]
     monkeypatch.setattr(verdicts, "results", lambda _: pd.concat([rows, some]))
@@ -225,8 +225,8 @@ def test_times_of_different_machines_are_not_averaged(monkeypatch: pytest.Monkey
 def version_rows(verdict: str, value: float) -> pd.DataFrame:
     """Returns a verdict of each primary detector, with an interval of 1 to either side."""
     rows = [
-        {"judge": judge, "detector": detector, "value": value, "verdict": verdict}
-        for judge, detector in PRIMARY
+        {"training": training, "detector": detector, "value": value, "verdict": verdict}
+        for training, detector in PRIMARY
     ]
     fixed = {"claim": "comparable", "scene": "curve", "preset": "paper", "subset": "captured"}
     fixed |= {"label_time": "scan", "low": value - 1, "high": value + 1}
@@ -282,7 +282,7 @@ def test_cut_angles_of_training_and_test_make_a_table(monkeypatch: pytest.Monkey
 
 def label_time_rows() -> pd.DataFrame:
     """Returns five replicates with labels at scan time, and three with labels at mid-frame."""
-    common = {"scene": "highway", "preset": "paper", "subset": "captured", "judge": "fine-tuned"}
+    common = {"scene": "highway", "preset": "paper", "subset": "captured", "training": "fine-tuned"}
     common |= {"law_exponent": 0.25}
     common |= {"training_cut_angle_deg": 0, "cut_angle_deg": 0}
     return pd.DataFrame(

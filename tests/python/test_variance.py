@@ -26,7 +26,7 @@ def table(replicates: int = 400) -> pd.DataFrame:
             ap = trained + random.normal(0, SEED) + random.normal(0, FRAMES)
             rows.append(
                 {
-                    **{"scene": scene, "preset": "paper", "judge": "background", "lidar": lidar},
+                    **{"scene": scene, "preset": "paper", "training": "background", "lidar": lidar},
                     "detector": "background",
                     **{
                         "label_time": "scan",

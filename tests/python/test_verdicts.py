@@ -22,7 +22,7 @@ AVIA_LESS_WIDE = {1: -5.0, 2: -4.0, 3: -6.0}
 
 
 def table(replicates: int = 3, avia: str = "livox_avia") -> pd.DataFrame:
-    """Returns rows of one scene and judge. Each replicate has two test seeds, whose AP differ
+    """Returns rows of one scene and training. Each replicate has two test seeds, whose AP differ
     by 2."""
     base = {"ruby_plus": 95.0, avia: 95.0, "pandar_64": 80.0, "helios_16": 60.0}
     rows = []
@@ -30,7 +30,7 @@ def table(replicates: int = 3, avia: str = "livox_avia") -> pd.DataFrame:
         ap = base[lidar] + (AVIA_LESS_WIDE[r] if lidar == avia else 0) + 2 * test
         row = {
             **{"scene": "highway", "preset": "paper", "lidar": lidar, "replicate": r},
-            **{"detector": "generalist", "judge": "fine-tuned", "label_time": "scan"},
+            **{"detector": "generalist", "training": "fine-tuned", "label_time": "scan"},
             **{"cut_angle_deg": 0, "training_cut_angle_deg": 0, "version": "1", "frames": 107},
             **{"frames_version": 4},
             **{"law_exponent": 0.25},
@@ -235,8 +235,8 @@ def test_an_undecided_claim_is_not_known_after_ten_replicates() -> None:
         (["holds", "undecided"], "undecided"),
         (["undecided", "not known"], "undecided"),
         (["fails above", "not known"], "not known"),
-        (["holds"], "judged by one detector"),
-        (["holds", "too few replicates"], "judged by one detector"),
+        (["holds"], "one detector only"),
+        (["holds", "too few replicates"], "one detector only"),
         (["fails below", verdicts.CHEAPER], "fails"),
         (["holds", verdicts.CHEAPER], "depends on the detector"),
     ],
@@ -254,13 +254,13 @@ def of_both(data: pd.DataFrame) -> pd.DataFrame:
 def with_network(wide_ap: float = 0.0) -> pd.DataFrame:
     """Returns rows of the fine-tuned detector and of PointPillars, which has another AP with 128
     lines."""
-    network = table().assign(judge="from nothing", detector="pointpillars")
+    network = table().assign(training="from scratch", detector="pointpillars")
     network.loc[network.lidar == "ruby_plus", "ap_r1000"] += wide_ap
     return pd.concat([table(), network], ignore_index=True)
 
 
 def test_a_verdict_of_both_needs_both_detectors() -> None:
-    assert set(of_both(table()).verdict) == {"judged by one detector"}
+    assert set(of_both(table()).verdict) == {"one detector only"}
     same, other = of_both(with_network()), of_both(with_network(wide_ap=-60.0))
     key = ("comparable", "captured")
     # -5 with an interval of 4 to either side, and +55
@@ -271,8 +271,8 @@ def test_a_verdict_of_both_needs_both_detectors() -> None:
 
 
 def test_other_networks_and_label_times_do_not_decide() -> None:
-    dsvt = table().assign(judge="from nothing", detector="dsvt")
-    assert set(of_both(pd.concat([table(), dsvt])).verdict) == {"judged by one detector"}
+    dsvt = table().assign(training="from scratch", detector="dsvt")
+    assert set(of_both(pd.concat([table(), dsvt])).verdict) == {"one detector only"}
     frame = with_network().assign(label_time="frame")
     assert not any(row["primary"] for row in verdicts.claims(frame))
 
@@ -375,7 +375,7 @@ def test_verdicts_and_variance_read_the_file_of_the_experiments(
 def test_detectors_are_compared_for_each_lidar() -> None:
     less = {"pointpillars": 0.0, "pv-rcnn": -2.0, "dsvt": -8.0, "pointrcnn": -40.0}
     data = pd.concat(
-        data.assign(detector=name, judge="from nothing", ap_r1000=data.ap_r1000 + ap)
+        data.assign(detector=name, training="from scratch", ap_r1000=data.ap_r1000 + ap)
         for name, ap in less.items()
         for data in (table(),)
     )

@@ -210,15 +210,15 @@ void check_command(const CheckOptions& o) {
     return;
   }
   if (lidar) {
-    if (!o.assignments.empty()) throw ConfigError("--set: expected a scene, got a LiDAR file");
-    if (o.traffic) throw ConfigError("--traffic: expected a scene, got a LiDAR file");
-    if (!o.lidars.empty()) throw ConfigError("--lidar: expected a scene, got a LiDAR file");
+    if (!o.assignments.empty()) throw ConfigError("--set: use it with a scene, not with a LiDAR file");
+    if (o.traffic) throw ConfigError("--traffic: use it with a scene, not with a LiDAR file");
+    if (!o.lidars.empty()) throw ConfigError("--lidar: use it with a scene, not with a LiDAR file");
     std::fputs(dump_lidar(checked_lidar(file, o.preset, o.changes)).c_str(), stdout);
     return;
   }
   if (o.changes.law_exponent)
-    throw ConfigError("--law-exponent: expected a LiDAR, got a scene file");
-  if (o.changes.echo) throw ConfigError("--echo: expected a LiDAR, got a scene file");
+    throw ConfigError("--law-exponent: use it with a LiDAR file, not with a scene file");
+  if (o.changes.echo) throw ConfigError("--echo: use it with a LiDAR file, not with a scene file");
   std::set<std::string> findings;
   const SceneConfig scene = checked_scene(file, o, findings);
   for (const std::string& line : findings)

@@ -33,7 +33,7 @@ struct ReturnBatch {
 };
 
 /// Decides which echoes become points. Range limits and drop-off are as in CARLA 0.9. Detection
-/// depends on the ratio of the received power P = rho cos(theta) / R^2 exp(-2 alpha R) to the noise
+/// depends on the ratio of the received power P = rho cos(theta) exp(-2 alpha R) / R^2 to the noise
 /// of the RangeLaw. R is the range, rho the reflectance, and theta the angle of incidence. The
 /// extinction alpha comes from rain (Marshall-Palmer) and fog (Koschmieder). Recorded surfaces have
 /// no additional losses.

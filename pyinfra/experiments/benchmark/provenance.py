@@ -92,8 +92,8 @@ def check_experiments(experiments: Path, plan: Plan, progress: Progress = silent
         more = f" and {len(old) - SHOWN} more" if len(old) > SHOWN else ""
         raise ConfigError(
             f"{experiments}: {', '.join(names)}{more}: expected rows of this benchmark, got rows "
-            "of a different recipe or of different frames with these names; remove these rows or "
-            "choose a different `out`"
+            "that were computed with other settings or frames; remove these rows or choose a "
+            "different `out`"
         )
     unknown = int(table.ap.notna().sum() - knows(table).sum()) if len(table) else 0
     if unknown:

@@ -334,9 +334,9 @@ def count_line(found: Counting, wanted: float) -> str:
         return f"Counts: no vehicle passes a line in {found.seconds:g} s of traffic."
     share, error = found.share, found.speed_error_km_h
     speeds = f"; speeds within {error:.1f} km/h (median)" if math.isfinite(error) else ""
-    judged = "met" if share.low >= wanted else "not met" if share.high < wanted else "not known"
+    met = "met" if share.low >= wanted else "not met" if share.high < wanted else "not known"
     return (
         f"Counts: {found.counted} of {found.passages} passages in {found.seconds:g} s of other "
         f"traffic ({100 * share.value:.0f} %, {100 * share.low:.0f} to {100 * share.high:.0f}), "
-        f"{found.extra} without a vehicle{speeds}. {100 * wanted:g} % counted: {judged}."
+        f"{found.extra} without a vehicle{speeds}. {100 * wanted:g} % counted: {met}."
     )

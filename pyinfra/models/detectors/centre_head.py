@@ -54,7 +54,7 @@ class CentreHead(nn.Module):
         self.box: nn.Module = nn.Conv2d(width, BOX, 3, padding=1)
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Returns heat as logits (B, classes, H, W) and boxes (B, H, W, 8).
+        """Returns the heatmap as logits (B, classes, H, W), and the boxes (B, H, W, 8).
 
         A subclass may append numbers to the 8 numbers of a box.
         """

@@ -203,7 +203,7 @@ class IouHead(CentreHead):
         self.iou = nn.Sequential(conv(width, width), iou)
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Returns heat as logits (B, 1, H, W) and boxes (B, H, W, 9)."""
+        """Returns the heatmap as logits (B, 1, H, W), and the boxes (B, H, W, 9)."""
         x = self.shared(x)
         residuals = torch.cat([self.box(x), self.iou(x)], dim=1)
         return self.heat(x).float(), residuals.permute(0, 2, 3, 1).float()

@@ -132,7 +132,7 @@ def stacking(
     *,
     existing: Sequence[int] | None = None,
 ) -> Callable[[Path], Points]:
-    """Returns a function that reads the stacked cloud of a frame's file.
+    """Returns a function that reads a frame's file and adds its neighbours' points.
 
     Neighbouring frames are stacked even if they belong to another split. existing: numbers of the
     frames that can be neighbours, by default all. Raises Error if no frame has a neighbour.
