@@ -1,7 +1,7 @@
 """Measures how the CPU time and the memory of `infrasim run` grow with the size of a scene.
 
-Each row has one case: the CPU time of a frame without the start of the program, the CPU time of
-the start, and the peak memory. The program writes out/growth.csv; docs/results/speed.md has the
+Each row is one case. It has the CPU time per frame without the start of `infrasim`, the CPU time
+of the start, and the peak memory. The program writes out/growth.csv; docs/results/speed.md has the
 table. To replace the committed table, name it with `--out`:
 
     .venv/bin/python benchmarks/growth.py [--out results/growth.csv]
@@ -36,7 +36,7 @@ SECONDS = 40  # duration of a scene, unless the case has another one
 
 @dataclass(frozen=True)
 class Case:
-    """One size of one quantity. The other quantities have the size of the base scene."""
+    """A size of one quantity, such as the road length. All other fields have their defaults."""
 
     quantity: str
     size: int
@@ -64,7 +64,7 @@ def cases() -> Iterator[Case]:
 
 
 def scene(case: Case) -> dict[str, object]:
-    """Returns the scene: a straight road whose middle has the mounts and the parked cars."""
+    """Returns a scene file's keys: a straight road with mounts and parked cars at its middle."""
     length = 1000 * case.road_km
     # Half the length of a row of parked cars; each side of the road has one row.
     half_row = case.parked / 2 * SPACE_M / 2
@@ -115,7 +115,7 @@ def scene(case: Case) -> dict[str, object]:
 
 
 def cost(tree: Path, file: Path, frames: int, step: int) -> process.Cost:
-    """Returns the cost of frames of a scene, on one thread and without files."""
+    """Returns the cost of simulating `frames` frames of a scene, on one thread, without output."""
     command = [tree / BINARY, "run", file, "--lidar", tree / f"configs/lidars/{LIDAR}.yaml"]
     return process.run([*command, "--frames", f"0:{frames * step}:{step}", "--threads", "1"])
 
@@ -141,7 +141,9 @@ def main() -> None:
     parser.add_argument(
         "--against", type=Path, metavar="CHECKOUT", help="also measure another checkout"
     )
-    parser.add_argument("--only", metavar="TEXT", default="", help="only quantities with this text")
+    parser.add_argument(
+        "--only", metavar="TEXT", default="", help="measure only quantities with TEXT in their name"
+    )
     add_out(parser, "growth.csv")
     args = parser.parse_args()
     trees = {"this": ROOT} | ({"other": args.against.resolve()} if args.against else {})

@@ -88,7 +88,7 @@ def medians(repetitions: int) -> dict[str, dict[str, float]]:
 
 
 def core_rows(repetitions: int) -> list[tuple[str, float, str]]:
-    """Compares the pipeline with its upper bounds, such as a loop that only casts ray packets."""
+    """Compares the ray rate of the pipeline with upper bounds, such as ray casting alone."""
     every = medians(repetitions)
 
     def r(name: str, threads: int = 2) -> float:
@@ -196,9 +196,9 @@ def run_binary(frames: int, out: Path | None) -> tuple[float, float]:
 def cost_of(
     tree: Path, lidars: list[str], preset: str, frames: int, *, write: bool
 ) -> process.Cost:
-    """Returns the cost of the binary of a checkout for frames of its highway, on one thread.
+    """Returns the cost of simulating frames of the highway with a checkout's binary, on one thread.
 
-    write: whether it writes the frames, to memory.
+    write: whether the binary writes the frames, to a file system in memory.
     """
     with tempfile.TemporaryDirectory(dir="/dev/shm") as out:
         command = [tree / BINARY, "run", tree / "configs/scenes/highway.yaml"]

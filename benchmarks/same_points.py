@@ -69,7 +69,7 @@ def compare(here: DataSet, there: DataSet) -> pd.DataFrame:
     """Returns a row for each LiDAR of two data sets with the same frames."""
     if (here.names, here.frames, here.seed) != (there.names, there.frames, there.seed):
         raise ValueError(
-            f"{there.folder}: expected the same run as in {here.folder}, got another run"
+            f"{there.folder}: expected the LiDARs, frames and seed of {here.folder}, got others"
         )
     rays = pd.read_csv(here.folder / "summary.csv", index_col="lidar").rays_per_frame
     rows = []
@@ -112,7 +112,7 @@ def main() -> int:
     table.to_csv(args.out, index=False, float_format="%.5f")
     same, apart = table.same_rays_percent.min(), totals_apart_percent(table)
     print(table.to_string(index=False))
-    print(f"the same rays: {same:.5f} % at least; totals apart: {apart:.5f} % at most")
+    print(f"same rays: at least {same:.5f} %; totals differ by at most {apart:.5f} %")
     return int(same < SAME_RAYS_PERCENT or apart > TOTALS_PERCENT)
 
 

@@ -12,7 +12,7 @@ namespace py = pybind11;
 
 namespace {
 
-/// A flat copy of an ObjectRecord, which is a NumPy record in Python.
+/// A flat copy of an ObjectRecord. In Python the copy is a NumPy record.
 struct ObjectRow {
   std::int32_t id;
   std::uint16_t class_id;

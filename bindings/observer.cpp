@@ -19,13 +19,13 @@ namespace py = pybind11;
 
 namespace {
 
-/// One object seen by one LiDAR in one frame, which is a NumPy record in Python.
+/// One object seen by one LiDAR in one frame. The struct is a NumPy record in Python.
 struct ObservationRow {
   std::int32_t frame, lidar, id, points;
   double along, across, up, distance, visibility;
 };
 
-/// One object in the evaluation region, in the world frame, which is a NumPy record in Python.
+/// One object in the evaluation region, in the world frame. The struct is a NumPy record in Python.
 struct PresentRow {
   std::int32_t frame, id;
   std::uint16_t class_id;

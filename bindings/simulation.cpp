@@ -21,10 +21,10 @@ namespace py = pybind11;
 
 namespace {
 
-/// @throws ConfigError if the numbers are not a range of frames
+/// @throws ConfigError unless 0 <= first_frame < last_frame and step >= 1
 void check_frames(int first_frame, int last_frame, int step) {
   if (first_frame < 0 || last_frame <= first_frame || step < 1)
-    throw ConfigError("frames: expected A:B:STEP with 0 <= A < B and STEP from 1, got " +
+    throw ConfigError("frames: expected A:B:STEP with 0 <= A < B and STEP >= 1, got " +
                       std::to_string(first_frame) + ":" + std::to_string(last_frame) + ":" +
                       std::to_string(step));
 }
@@ -78,7 +78,7 @@ LidarConfig with_every_hit(LidarConfig lidar) {
   return lidar;
 }
 
-/// One object of the scene, which is a NumPy record in Python.
+/// One object of the scene. The struct is a NumPy record in Python.
 struct SceneObject {
   std::int32_t id;
   std::uint16_t class_id;

@@ -47,10 +47,10 @@ def add_out(
 
 
 def work_folder(text: str) -> Path:
-    """Returns a working folder, and notes the number of its frames in it.
+    """Returns a working folder, and writes the `frames_version` of its frames to a file in it.
 
-    Raises ArgumentTypeError for a folder of frames of another number. Such frames, and detectors
-    that learnt from them, must not be mixed with the simulator's frames.
+    Raises ArgumentTypeError if the folder has frames of another `frames_version`. Such frames, and
+    detectors that were trained on them, must not be mixed with the simulator's frames.
     """
     from pyinfra.core.files import write
     from pyinfra.dataset.simulation import frames_version
@@ -76,8 +76,8 @@ def work_folder(text: str) -> Path:
 def provenance(command: str, frames_version: int | None = None) -> dict[str, object]:
     """Returns the columns that record a row's origin: versions, machine and command.
 
-    command: the command's name and those of its options that affect the result. frames_version: the
-    number of the frames on which the row rests; by default the number of the simulator's frames.
+    command: the command's name and those of its options that affect the result. frames_version:
+    that of the frames from which the row is computed; by default that of the simulator.
     """
     from pyinfra.dataset.simulation import frames_version as current
 

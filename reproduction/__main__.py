@@ -1,7 +1,7 @@
 """Runs `python -m reproduction COMMAND ...`; the commands are modules of reproduction.commands.
 
 Words such as `FRAMES='0:200:20'` after the command replace constants of its module. They are for
-trials at a toy size: the recorded command does not have them.
+short trials, and the column `command` of the results does not have them.
 """
 
 import argparse
@@ -29,9 +29,9 @@ def summaries() -> dict[str, str]:
 
 
 def without_constants(module: ModuleType, words: Sequence[str]) -> list[str]:
-    """Sets the constants of a module that `words` name; returns the other words.
+    """Sets a constant of a module for each word NAME=VALUE; returns the other words.
 
-    A value is an expression that may use the names of the module. Raises Error.
+    VALUE is an expression that may use the names of the module. Raises Error for an unknown NAME.
     """
     others = []
     for word in words:

@@ -60,7 +60,7 @@ def _parser_of(main: Callable[..., int | None]) -> argparse.ArgumentParser:
 
 
 def _keywords(hint: Any) -> dict[str, Any]:
-    """Returns the keywords of argparse of an annotation."""
+    """Returns the keywords of argparse's `add_argument` that an annotation stands for."""
     if get_origin(hint) is UnionType:  # the hint is a union of a type and None
         (hint, _) = get_args(hint)
     if get_origin(hint) is Annotated:

@@ -51,7 +51,7 @@ class Command:
 
     words: words after `python -m reproduction`, or a script of benchmarks/ and its words. A name in
     braces is the path of a file of results/ that the command reads.
-    cpu_h: CPU hours that all parts took, by the source
+    cpu_h: expected CPU hours of all parts together; `source` tells how they were found
     work: name of the command whose working folder is used; empty if there is none
     model: whether the command uses the pretrained detector
     out: name of the file to give as --out; "." for the folder
@@ -128,7 +128,11 @@ class Part:
 
 
 def toys(steps: Sequence[Step], words: Mapping[str, str]) -> list[Step]:
-    """Returns the steps that have a toy size, at this size. words: by the first file of a step."""
+    """Returns the steps that have a toy size, with the words of that size.
+
+    words: words of a step's first command at the toy size, by the first file of the step. Other
+    commands of the step are left out.
+    """
     return [
         replace(
             step,
@@ -180,7 +184,7 @@ def parts_of(step: Step, steps: Sequence[Step], places: Places) -> list[Part]:
 
 
 def _work(command: Command, places: Places) -> Path:
-    """Returns a folder whose frames and trainings have one number, version and initial weights."""
+    """Returns the working folder for the present frames_version, version and initial weights."""
     made = digest(frames_version(), VERSIONS.get(command.work, 1), _of_file(MODEL))
     return places.work / command.work / made
 
@@ -201,7 +205,7 @@ def run_part(part: Part) -> None:
     """Runs a part unless it is done.
 
     The command inherits the lock: if this process is killed, the next one waits for the command to
-    end. A failure is left in the log. It is no error here, so that the other parts run.
+    end. A failed command is no error here, so that the other parts run; its log remains.
     """
     part.folder.mkdir(parents=True, exist_ok=True)
     lock = os.open(part.folder / "lock", os.O_RDWR | os.O_CREAT, 0o666)
@@ -235,7 +239,7 @@ def copy_rows(source: Path, target: Path) -> None:
 
 
 def restore(part: Part) -> None:
-    """Takes the rows of a part out of results/, if the working folder does not have them."""
+    """Copies the rows of a part from results/ to the working folder, if they are missing there."""
     if not part.done.is_file() and (part.kept / part.done.name).is_file():
         copy_rows(part.kept, part.folder)
 
@@ -283,7 +287,7 @@ def levels(steps: Sequence[Step], wanted: Sequence[str]) -> Iterator[list[Step]]
     """
     makers = {file: step for step in steps for file in step.files}
     if unknown := [name for name in wanted if name not in makers]:
-        raise Error(f"files: expected names of {' '.join(sorted(makers))}; got {unknown[0]}")
+        raise Error(f"files: expected one or more of {' '.join(sorted(makers))}; got {unknown[0]}")
     chosen: dict[Step, set[Step]] = {}
     queue = [makers[name] for name in wanted] or list(steps)
     while queue:

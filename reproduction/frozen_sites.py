@@ -123,7 +123,7 @@ def stands(
 ) -> BoolArray:
     """Returns which objects have stood for QUEUE_S, and drive at another time of the run: (n,).
 
-    Parked vehicles never drive, so they are not among them.
+    Parked vehicles never drive, so their result is False.
     """
     before = [frame - round(share * QUEUE_S / period_s) for share in (1.0, 0.5)]
     if before[0] < 0:

@@ -60,7 +60,7 @@ def train_detector(
 def detected(model: Path, folder: Path, run: Path) -> Path:
     """Runs a model on the test frames of a LiDAR's folder; returns the folder of the boxes.
 
-    The boxes are written to the folder of a run.
+    run: folder in which the folder `predictions` is written
     """
     files = [kitti.frame_file(folder, "velodyne", k) for k in frame_numbers(folder)]
     detect.detect(detect.detector_at(model, folder), files, run / "predictions")
@@ -76,7 +76,7 @@ def ap_of_captured(folder: Path, predictions: Path) -> Any:
 
 @dataclass(frozen=True)
 class Far:
-    """The part of the region that is farther away than `near`."""
+    """The part of the region outside the part `near`."""
 
     near: Near
 

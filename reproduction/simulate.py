@@ -23,8 +23,8 @@ def simulate(
     ----------
     scene, lidars : files, or names of the catalogue
     parts : parts of a split by time; None for no split
-    options : options of `infrasim run`: `seed=1` is `--seed 1`. A list has several values, and True
-        none. None, False and an empty list leave the option out.
+    options : options of `infrasim run`: `seed=1` is `--seed 1`. A list gives several values;
+        True gives the option without a value. None, False and [] leave the option out.
     """
     words: list[str | Path] = ["--out", out]
     for name, value in options.items():

@@ -1,8 +1,8 @@
-"""The steps that make the files of results/, and what each takes.
+"""The steps that make the files of results/, and the CPU hours of each step.
 
-CPU hours are those of two cores of an AMD EPYC or Intel Xeon. Each has its source: a recorded
-column (`train_cpu_s`, `cpu_s`, `detector_ms`), to which an estimate of simulation and tests is
-added, or a trial at a small size. A run replaces them by what it took (results/steps.csv).
+CPU hours are those of two cores of an AMD EPYC or Intel Xeon. Each value names its source: a
+recorded column (`train_cpu_s`, `cpu_s`, `detector_ms`), to which an estimate of simulation and
+tests is added, or a trial at a small size. After a run, results/steps.csv has the measured values.
 """
 
 from reproduction.engine import Command, Step
@@ -47,7 +47,7 @@ def experiments(
 ) -> Command:
     """Returns a command of `experiments`, split by replicate.
 
-    The commands share frames and trainings. No two of them make the same training.
+    The commands share frames and trainings. No two of them train the same detector.
     """
     uses = "fine-tuned" in words or "pretrained" in words
     split = (*split, ("--only", replicates))

@@ -1,4 +1,4 @@
-"""Words of each step at a toy size, for trials of the engine. Constants are replaced."""
+"""Words of the steps at a toy size, for trials of the engine. NAME=VALUE replaces a constant."""
 
 TOYS = {
     "experiments.csv": (

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Makes the wheel for this Python in dist, and tests it in a clean environment outside the source tree.
-# It is compiled with the options of the preset `dev`, so with ccache and UNITY=ON its objects are those
-# that were tested.
+# The compiler options are those of the preset `dev`. With ccache and UNITY=ON, the wheel therefore has
+# the same compiled objects as the tested build.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 try=$PWD/build/wheel-env
@@ -20,7 +20,7 @@ package=$("$try/bin/python" -c 'import pyinfra; print(*pyinfra.__path__)')
 # The wheel must contain all libraries except those that every Linux has.
 if ldd "$package"/_core*.so "$package/bin/infrasim" |
   grep -vE "^/|/infrasim\.libs/|linux-vdso|ld-linux|lib(c|m|gcc_s|stdc\+\+)\.so"; then
-  echo "wheel: needs the system's libraries above" >&2
+  echo "wheel: the libraries above are missing in the wheel" >&2
   exit 1
 fi
 "$try/bin/infrasim" --version
@@ -34,7 +34,7 @@ frames = pi.simulate(pi.load_scene("highway"), pi.load_lidar("helios_16"), range
 assert len(pi.detect("generalist", frames)) > 0
 assert "torch" not in sys.modules
 EOF
-# The sample recording must be in it: import, boxes and view, in a folder elsewhere.
+# The wheel must contain the sample recording: imports it, detects boxes and draws the view, in a new folder.
 recording=$(mktemp -d)
 (
   cd "$recording"

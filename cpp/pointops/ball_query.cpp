@@ -80,7 +80,8 @@ class Cells {
 
 Balls ball_query(std::span<const float> points, std::span<const float> centres, float radius,
                  std::int64_t limit) {
-  if (!(radius > 0)) throw std::invalid_argument("radius: expected above 0, got 0 or less, or NaN");
+  if (!(radius > 0))
+    throw std::invalid_argument("radius: expected a number above 0, got 0 or less, or NaN");
   check_between("limit", limit, 1, kMostResults);
   const auto finite = [](float v) { return std::isfinite(v); };
   if (!std::all_of(points.begin(), points.end(), finite) ||

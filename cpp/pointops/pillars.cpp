@@ -178,12 +178,14 @@ void check(std::size_t points, std::size_t point_columns, const PillarGrid& grid
   if (point_columns < 3 || points % point_columns != 0 ||
       kCoordinates + point_columns - 3 > kMostInputs || !sizes)
     throw std::invalid_argument(
-        "points, weight, bias: expected shapes that fit, got shapes that do not fit");
+        "points, weight, bias: expected weights for each input and a bias for each output of "
+        "a layer, got other sizes");
   if (grid.rows < 1 || grid.columns < 1 || layer.stride < 1 || grid.rows % layer.stride != 0 ||
       grid.columns % layer.stride != 0 ||
       map != channels * static_cast<std::size_t>(grid.rows / layer.stride) *
                  static_cast<std::size_t>(grid.columns / layer.stride))
-    throw std::invalid_argument("map: expected a map of the grid, got another size");
+    throw std::invalid_argument(
+        "map: expected (outputs, rows / stride, columns / stride) values, got another size");
 }
 
 }  // namespace

@@ -17,14 +17,14 @@ struct PillarGrid {
 /// of its pillar (3); the offset to the middle of the pillar (3); the other columns of the point,
 /// from the last to the first.
 struct PillarLayer {
-  std::span<const float> weight;  // weights, inputs * features
+  std::span<const float> weight;  // weights, shape (inputs, features), row-major
   std::span<const float> bias;    // one per feature
-  std::int64_t first;             // number of the first inputs that the layer leaves out
+  std::int64_t first;             // the layer does not use the inputs before this index
 };
 
 /// A 3 x 3 convolution of the canvas with a border of zeros, followed by ReLU.
 struct CanvasLayer {
-  std::span<const float> weight;  // weights, 3 rows * 3 columns * features * outputs
+  std::span<const float> weight;  // weights, shape (3, 3, features, outputs), row-major
   std::span<const float> bias;    // one per output
   std::int64_t stride;
 };
@@ -33,8 +33,8 @@ struct CanvasLayer {
 /// ReLU(linear layer) over its points; a cell without points is 0. Only cells with points are
 /// computed, so the canvas itself is never made.
 /// @param points  n * point_columns, row-major
-/// @param map     outputs * (rows / stride) * (columns / stride), channel by channel; its
-///   previous values are overwritten
+/// @param map     shape (outputs, rows / stride, columns / stride), row-major; the previous values
+///   are overwritten
 /// @throws std::invalid_argument if the sizes do not fit or a point is outside the grid
 void pillar_map(std::span<const float> points, std::int64_t point_columns, const PillarGrid& grid,
                 const PillarLayer& encoder, const CanvasLayer& layer, std::span<float> map);

@@ -7,7 +7,8 @@
 
 namespace pointops {
 
-/// Pairs of an input and an output voxel, as rows, grouped by the offset between the voxels.
+/// Pairs of an input voxel and an output voxel, each given by its row in the list of voxels. The
+/// pairs are grouped by the offset between the two voxels.
 struct VoxelPairs {
   std::vector<std::int64_t> inputs;
   std::vector<std::int64_t> outputs;
@@ -20,7 +21,8 @@ struct VoxelPairs {
 /// @throws std::invalid_argument if the keys do not increase, or if the work exceeds kMostSteps
 VoxelPairs shifted_pairs(std::span<const std::int64_t> keys, std::span<const std::int64_t> steps);
 
-/// Parameters of a sparse convolution from one grid to a coarser one; along z, y, x.
+/// Parameters of a sparse convolution from one grid to a coarser one, with a value for each of the
+/// axes z, y, x.
 struct Reach {
   std::array<std::int64_t, 3> shape;  ///< shape of the input grid
   std::array<std::int64_t, 3> kernel;
@@ -39,8 +41,8 @@ struct ReachedVoxels {
 /// outputs: stride * output = input + padding - offset. The function uses one bit of memory for
 /// each voxel of the target grid up to the last batch.
 /// @param coordinates  4 * n, batch z y x, within the shape
-/// @throws std::invalid_argument for other coordinates, a negative size, a stride below 1, or sizes
-///   above the limits in limits.h
+/// @throws std::invalid_argument for coordinates outside the shape, a negative size, a stride below
+///   1, or sizes above the limits in limits.h
 ReachedVoxels reached_voxels(std::span<const std::int64_t> coordinates, const Reach& reach);
 
 }  // namespace pointops

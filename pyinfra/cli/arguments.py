@@ -1,4 +1,4 @@
-"""Passes the options of a command to the function of the public API that it calls."""
+"""Passes the options of a command to the function of the public API that the command calls."""
 
 import argparse
 import inspect
@@ -7,6 +7,6 @@ from typing import Any
 
 
 def arguments_of(function: Callable[..., Any], args: argparse.Namespace) -> dict[str, Any]:
-    """Returns the values of a command line that have the names of a function's arguments."""
+    """Returns the options of a command line whose names are arguments of a function."""
     names = inspect.signature(function).parameters
     return {name: value for name, value in vars(args).items() if name in names}

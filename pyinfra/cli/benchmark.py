@@ -128,6 +128,6 @@ def comparison_lines(table: pd.DataFrame, half_width_ap: float) -> list[str]:
     return [
         f"{row.scene}, {row.preset}: AP of {row.first} minus that of {row.second}, {row.subset}: "
         f"{row.difference:+.1f} [{row.low:.1f}, {row.high:.1f}] over {row.replicates} replicates"
-        + ("" if row.half_width <= half_width_ap else f"; not known to {half_width_ap:g} AP")
+        + ("" if row.half_width <= half_width_ap else f"; half-width above {half_width_ap:g} AP")
         for row in table.itertuples()
     ]

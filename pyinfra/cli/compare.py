@@ -18,8 +18,8 @@ from pyinfra.metrics.places import compare_places, shared_subset
 
 SHOWN = {"ap_r1000": "AP (R1000)", "recall_percent": "recall %", "hidden_percent": "hidden %"}
 VISIBLE_ONLY = (
-    "compares the ground truth all, because not all folders have present: vehicles that are hidden "
-    "from a mount are left out"
+    "compares the ground-truth subset all, because not all folders have present; vehicles that are "
+    "hidden from a mount are left out"
 )
 
 

@@ -10,7 +10,7 @@ SHELLS = ("bash", "zsh")
 
 
 def completion_script(parser: argparse.ArgumentParser, shell: str) -> str:
-    """Returns the completion script for a shell. It completes values that are paths to files.
+    """Returns the completion script for a shell. The script also completes paths of files.
 
     Raises Error for an unknown shell, and MissingPackage if shtab is not installed.
     """

@@ -65,7 +65,7 @@ def table_text(counts: Counts) -> str:
 
 
 def _speeds(speeds: pd.Series) -> str:
-    """Returns the number of passages and their speeds; unseen passages have no speed."""
+    """Returns the number of passages and their speeds; passages without boxes have no speed."""
     if not (with_speed := speeds.count()):
         return f"{len(speeds)}, none with a speed"
     few = "" if with_speed == len(speeds) else f" ({with_speed} with a speed)"

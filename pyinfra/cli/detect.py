@@ -243,8 +243,8 @@ def _check(args: argparse.Namespace) -> None:
     folders = [path for path in args.inputs if path.is_dir()]
     if folders and len(args.inputs) > 1:
         raise Error(
-            f"DATA: expected one folder or a list of point clouds, got {len(args.inputs)} inputs "
-            f"with the folder {folders[0]}"
+            f"DATA: expected one folder or a list of point clouds, got {len(args.inputs)} inputs, "
+            f"of which {folders[0]} is a folder"
         )
     args.inputs = [_folder_of(folder) for folder in folders] or args.inputs
     of_folders = ("drop_standing", "frames", "max_frames", "split")
@@ -320,7 +320,7 @@ def _in_clouds(args: argparse.Namespace, model: Path) -> FolderDetections:
 def _without_bad(
     args: argparse.Namespace, clouds: Sequence[Path], read: Callable[[Path], Points]
 ) -> list[Path]:
-    """Returns the clouds that can be read, and warns of the others."""
+    """Returns the clouds that can be read, and warns of the clouds that cannot be read."""
     good, bad = readable_clouds(clouds, read)
     if bad:
         warn(f"left out {len(bad)} clouds that cannot be read, such as {bad[0]}", args)

@@ -7,8 +7,8 @@ exit code. Messages go to stderr.
 `main` turns an exception into one line on stderr and an exit code:
 
 - 0: the command succeeded
-- 1: a file could not be read or written, a package is missing, an experiment failed, or the error
-  is a bug; the traceback of a bug is saved to a file
+- 1: a file could not be read or written, a package is missing, an experiment failed, or pyinfra
+  has a bug; the traceback of a bug is saved to a file
 - 2: an error that the user can correct (`pyinfra.Error`, wrong usage)
 - 130: the user interrupted the command
 """
@@ -75,8 +75,8 @@ GROUPS = {
 def make_parser(words: Sequence[str], *, whole: bool = False) -> argparse.ArgumentParser:
     """Returns the parser for a command line.
 
-    Only the subcommand in `words` gets its arguments, so that the modules of the others are not
-    imported. whole: whether to add the arguments of all subcommands.
+    Only the subcommand in `words` gets its arguments, so that the modules of the other
+    subcommands are not imported. whole: whether to add the arguments of all subcommands.
     """
     parser = Parser(
         prog="pyinfra",

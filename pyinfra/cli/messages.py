@@ -47,7 +47,7 @@ def printable(text: str) -> str:
 
 
 def message_of(error: BaseException, options: Options | None = None) -> str:
-    """Returns an error as one line. The message of an OSError begins with the path."""
+    """Returns the message of an error as one line. That of an OSError begins with the path."""
     text = str(error) if str(error).strip() else type(error).__name__
     if isinstance(error, OSError) and error.filename is not None:
         text = f"{error.filename}: {error.strerror}"
@@ -84,7 +84,7 @@ def report_bug(error: Exception, words: Sequence[str]) -> str:
 
 @contextmanager
 def printed_findings(args: argparse.Namespace) -> Iterator[None]:
-    """Context manager that prints the findings of the library as warnings of the command."""
+    """Context manager that prints each FindingWarning of the library as the command's warning."""
     with warnings.catch_warnings():
         show = warnings.showwarning
 

@@ -16,7 +16,7 @@ BUDGET_USD = 10_000  # example of a budget, used if the user has not set a budge
 def print_next(command: str, args: argparse.Namespace) -> None:
     """Prints the suggested next command if stdout is a terminal.
 
-    Commands that are not in NEXT print nothing here, nor do commands that print live tracks.
+    Nothing is printed for commands that are not in NEXT, and for commands that print live tracks.
     """
     live = getattr(args, "follow", False) or str(getattr(args, "data", "")) == "-"
     if command in NEXT and sys.stdout.isatty() and not live:

@@ -1,6 +1,6 @@
-"""The parser of `pyinfra`: one-line messages that suggest names, and renamed options.
+"""The argument parser of `pyinfra`. It reports wrong usage in one line and suggests similar names.
 
-A command has its arguments as data: `add_arguments = usage(description, example, argument(...))`.
+A command declares its arguments: `add_arguments = usage(description, example, argument(...))`.
 """
 
 import argparse
@@ -14,7 +14,7 @@ Add = Callable[[Any], object]  # adds an argument, or a group of arguments, to a
 WRONG = 2
 NUMBERS = {
     "int": "a whole number, such as 3",
-    "float": "a number without unit and comma, such as 0.5",
+    "float": "a number without a unit or a comma, such as 0.5",
 }
 MOST_LISTED = 8  # largest number of choices in a message that also suggests a choice
 
@@ -58,7 +58,7 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         if message.startswith("unrecognized arguments: "):
             extra = message.partition(": ")[2]
-            message = f"expected arguments without an option before the options, got '{extra}'"
+            message = f"unexpected '{extra}'; arguments without an option stand before the options"
         message = re.sub(r"^argument ([^:]+): ", r"\1: ", message)
         message = re.sub(r"invalid (\w+) value: (.+)", not_a_number, message)
         self.exit(WRONG, f"{self.prog}: {message} (see --help)\n")
@@ -109,7 +109,7 @@ def actions(
 
     If `words` has names of subcommands, only the arguments of these subcommands are included.
     """
-    for action in parser._actions:  # argparse has no public list of the actions
+    for action in parser._actions:  # the arguments; argparse has no public name for them
         if isinstance(action, argparse._SubParsersAction):
             named = [name for name in action.choices if name in words] or list(action.choices)
             for name in named:

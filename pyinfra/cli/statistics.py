@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     tables = statistics(args.data, args.out, above_road=args.above_road, accumulate=args.accumulate)
     if kernels is None:
         print(
-            "lit_share, angular_density: not computed, because the extension is not built; run "
+            "lit_share, angular_density: not computed, because the C++ extension is not built; run "
             "`make build` or install the wheel",
             file=sys.stderr,
         )

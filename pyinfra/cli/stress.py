@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
 def _fill(plan: runner.Prepared, out: Path, seed: int) -> int:
     """Runs the trials and returns the number of failed trials. A failure prints a line on stderr.
 
-    A progress bar is only shown if stderr is a terminal, else lines.
+    The progress is shown as a bar if stderr is a terminal, otherwise as lines.
     """
     failed = 0
     bar = tqdm(plan.todo, unit="trial", disable=None, file=sys.stderr)

@@ -133,7 +133,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _quality(tracks: pd.DataFrame, frames: RecordedFrames, within_m: float) -> str:
-    """Returns the line of the quality of the tracks, or why there is none."""
+    """Returns a line with the quality of the tracks, or with the reason why it is not known."""
     try:
         m = evaluate_tracks(frames, tracks, within_m=within_m, lines=[]).measures
     except UnknownIds as error:
@@ -153,7 +153,7 @@ def _live(args: argparse.Namespace, tracker: Tracker) -> int:
         given = "--out" if args.pred is None else "PRED"
         raise Error(f"{given}: expected no value if DATA is `-`, got {args.out or args.pred}")
     if isinstance(sys.stdin, io.TextIOWrapper):
-        sys.stdin.reconfigure(errors="replace")  # a line that is not UTF-8 is reported as wrong
+        sys.stdin.reconfigure(errors="replace")  # a line that is not UTF-8 is reported as invalid
     arrivals = new_lines(sys.stdin, drop=not args.keep_all)
     with printed_findings(args):
         for line in live_lines(arrivals, boxes_of_line, tracker):

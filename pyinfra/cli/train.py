@@ -144,8 +144,8 @@ def _with_region(args: argparse.Namespace, recipe: Recipe, sources: list[Source]
     if DETECTORS[recipe.detector].learnt or not recipe.network.within_region:
         if args.region is not None:
             raise Error(
-                f"--region: expected no file for {recipe.detector}, got {args.region}; only "
-                "background with network.within_region uses a region"
+                f"--region: expected no file for {recipe.detector}, got {args.region}; a "
+                "region is only used by the detector background with network.within_region"
             )
         return sources
     if args.region is not None:

@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     elif args.unlabelled or args.out is not None:
         if args.pred is None:
             raise Error("--pred: expected a folder with --unlabelled or --out, got none")
-        raise Error("--out: use --out with --unlabelled, because the frames have labels")
+        raise Error("--out: the frames have labels; add --unlabelled to ignore them, or omit --out")
     errors, warnings = ((findings.level == level).sum() for level in ("error", "warning"))
     print(f"{args.data}: {errors} errors, {warnings} warnings")
     return 1 if errors else 0

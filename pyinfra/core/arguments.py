@@ -1,8 +1,8 @@
 """Checks arguments of public functions against the annotations of their signatures.
 
 An annotation such as `int | None`, `Sequence[int]` or `Tier` says which values are accepted, and a
-table of ranges says how large numbers may be. Annotations that this module does not know accept
-every value; the function then checks it itself.
+table of ranges says how large numbers may be. If this module does not know an annotation, it
+accepts every value; the function then checks the value itself.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def checked_call(
     for word in named:
         if word not in signature.parameters:
             near = _field_of(word, function) or suggestion(word, signature.parameters)
-            raise ArgumentError(f"{name}: expected a known argument, got '{word}'{near}")
+            raise ArgumentError(f"{name}: expected arguments of this function, got '{word}'{near}")
     try:
         given = signature.bind(*args, **named).arguments
     except TypeError as error:
@@ -94,8 +94,8 @@ def checked(
 ) -> Any:
     """Returns a value that fits an annotation. Raises ArgumentError and Error.
 
-    scope: names that the annotation may use. limits: least and greatest number, also of each number
-    in a list.
+    scope: names that the annotation may use. limits: smallest and largest allowed number, also for
+    each number in a list.
     """
     node = ast.parse(annotation, mode="eval").body
     expected = []

@@ -74,7 +74,7 @@ def points_in_boxes(points: Floats, boxes: FloatArray) -> IntArray:
 
 
 def rows_in_box(points: Floats, x: Floats, box: FloatArray, around_m: float = AROUND_M) -> IntArray:
-    """Returns the rows (k,) of the points that `points_in_box` returns as a mask, faster.
+    """Returns the indices (k,) of the points that `points_in_box` marks, but is faster.
 
     x: (n,) the first column of the points, contiguous.
     """

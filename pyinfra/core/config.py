@@ -127,8 +127,8 @@ def compose(text: str) -> Any:
 def _values_of(node: Any, known: dict[int, int]) -> int:
     """Returns the number of values of a node with its aliases expanded.
 
-    known: the numbers of the nodes that were counted, by `id`; 0 while a node is counted. Raises
-    yaml.MarkedYAMLError if there are too many, or if a node has an alias to itself.
+    known: the number of values of each counted node, by `id`; 0 while a node is counted. Raises
+    yaml.MarkedYAMLError for too many values, or if a node has an alias to itself.
     """
     if id(node) in known and known[id(node)] == 0:
         problem = "expected no value with an alias to itself, got one"

@@ -43,19 +43,19 @@ def missing(package: str | None, extra: str) -> MissingPackage:
 
 
 def fail(file: Path, what: str, line: int | None = None) -> NoReturn:
-    """Raises FormatError for a file, or for a line of it."""
+    """Raises FormatError with the message `what`, after the file and, if given, the line."""
     raise FormatError(f"{file}:{line}: {what}" if line else f"{file}: {what}")
 
 
 def not_found(path: Path, text: str) -> FileNotFoundError:
-    """Returns the error for a path. `text` says what a path that exists lacks."""
+    """Returns the error for a missing path. If the path exists, `text` says what it lacks."""
     return FileNotFoundError(
         errno.ENOENT, text if path.exists() else os.strerror(errno.ENOENT), str(path)
     )
 
 
 def check_exists(path: Path) -> None:
-    """Raises FileNotFoundError for a missing path, before a check of what it is."""
+    """Raises FileNotFoundError for a missing path, so that later checks need not do so."""
     if not path.exists():
         raise not_found(path, "")
 

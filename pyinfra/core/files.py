@@ -222,7 +222,7 @@ def naming(path: Path, beside: Path | None = None) -> Iterator[None]:
 def alone(folder: Path) -> Iterator[None]:
     """Lets no other process of this machine enter a block for the same folder.
 
-    Raises Error if another process is in such a block. The lock is no file of the folder.
+    Raises Error if another process is in such a block. The lock file is not in the folder.
     """
     name = sha256(str(resolved(folder)).encode()).hexdigest()[:24]
     locks = Path(tempfile.gettempdir()) / f"pyinfra_locks_{os.getuid()}"

@@ -61,7 +61,7 @@ def check_name(
 
 
 def repeated(names: Sequence[str]) -> str:
-    """Returns the first name that is there twice; empty if all names differ."""
+    """Returns the first name that occurs twice; empty if all names differ."""
     return next((name for name in names if names.count(name) > 1), "")
 
 

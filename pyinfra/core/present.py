@@ -1,4 +1,4 @@
-"""How objects that users hold are shown: one line in a console, a small table in a notebook."""
+"""Shows objects of the public API as a line in a console, and as a small table in a notebook."""
 
 import html
 from abc import ABC, abstractmethod
@@ -9,7 +9,7 @@ class Presented(ABC):
 
     @abstractmethod
     def facts(self) -> dict[str, object]:
-        """Returns what is shown, by name; the values are short."""
+        """Returns the names and the short values that are shown."""
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({', '.join(f'{k}={v}' for k, v in self.facts().items())})"

@@ -24,7 +24,7 @@ class PathError(Error, OSError):
     exit_code = 1  # exit code of a command, the same as for other errors of files
 
     def __new__(cls, *args: object) -> PathError:
-        """Makes the error without __init__, as Dask does; Error's own is for another layout."""
+        """Creates the error as an OSError, even if __init__ is not called (as by Dask)."""
         made = OSError.__new__(cls, *args)
         made.args = args
         return made
@@ -33,9 +33,10 @@ class PathError(Error, OSError):
 def public(**ranges: Range) -> Callable[[F], F]:
     """Returns a decorator that checks arguments, and names the argument of a wrong path.
 
-    Arguments must fit the annotations of the function (`arguments.py`). ranges: the least and the
-    greatest number of arguments. Wrong paths raise a PathError. Other system errors, such as a full
-    disk, stay OSError. FIFOs and devices in path arguments, and in their folders, are not opened.
+    Arguments must fit the annotations of the function (`arguments.py`). ranges: the smallest and
+    the largest allowed value of each numeric argument. Wrong paths raise a PathError. Other system
+    errors, such as a full disk, stay OSError. FIFOs and devices in path arguments, and in their
+    folders, are not opened.
     """
     return lambda function: _checked(function, ranges)
 

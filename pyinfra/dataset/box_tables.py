@@ -81,7 +81,10 @@ def _of_array(value: Any, prefix: str) -> pd.DataFrame:
 def _with_column(table: pd.DataFrame, column: str, values: Any, prefix: str) -> pd.DataFrame:
     cells = np.asarray(on_cpu(values))
     if cells.shape != (len(table),):
-        raise Error(f"{prefix}: expected {len(table)} values, one for each box, got {cells.shape}")
+        raise Error(
+            f"{prefix}: expected {len(table)} values, one for each box, got an array of shape "
+            f"{cells.shape}"
+        )
     if column == "type" and len(cells) and cells.dtype.kind not in "UO":
         raise Error(f"{prefix}: expected names of types, such as 'Car', got numbers")
     return table.assign(**{column: cells.astype(object) if column == "type" else cells})

@@ -127,7 +127,7 @@ def is_of_lanes(data_set: Path) -> bool:
 
 
 def ids_are_tracks(data_set: Path) -> bool:
-    """Returns whether ids of objects may be tracks: `ids` in dataset.yaml. Raises FormatError."""
+    """Returns whether object ids may identify tracks, by dataset.yaml. Raises FormatError."""
     description = data_set / "dataset.yaml"
     ids = kitti.read_yaml(description).maybe("ids") if description.is_file() else None
     return ids is None or ids.text() not in ("rows", "unknown")
@@ -208,7 +208,7 @@ def road_level(data: DataSet, lidar: kitti.Lidar) -> float:
     file = data.folder / "roads.csv"
     z = np.concatenate([road.z for road in read_roads(file)])
     if np.ptp(z) > 0.01:
-        raise Error(f"{file}: expected level roads, got roads from z = {z.min():g} to {z.max():g}")
+        raise Error(f"{file}: expected level roads, got z from {z.min():g} to {z.max():g} m")
     return float(z.mean()) - lidar.T_world_levelled.z
 
 

@@ -1,6 +1,6 @@
 """Finds lines of a LiDAR without points from the first frame on, such as those of a dead laser.
 
-A line is missing if its neighbours have points, and the angle between them is that of two lines.
+A line is missing if the lines next to it have points, and the angle between them is too large.
 Lines whose numbers do not follow their elevation are not checked, because a line without points may
 then look at the sky.
 """
@@ -16,7 +16,7 @@ MOST_SHARE = 0.25  # if a larger share is missing, `ring` probably does not cont
 
 
 def elevations_of(points: Points, records: Records) -> FloatArray:
-    """Returns the mean elevation (rings,) of the points (n, 4) of each line, rad; NaN if none."""
+    """Returns the mean elevation (rings,) of the points (n, 4) of each line, rad, or NaN."""
     ring = records["ring"].astype(np.int64)
     xyz = points[:, :3].astype(np.float64)
     angle = np.arctan2(xyz[:, 2], np.hypot(xyz[:, 0], xyz[:, 1]))
@@ -26,7 +26,10 @@ def elevations_of(points: Points, records: Records) -> FloatArray:
 
 
 def dead_lines(counts: IntArray, elevations: FloatArray) -> list[int]:
-    """Returns the numbers of missing lines, from counts and elevations (frames, lines)."""
+    """Returns the numbers of missing lines.
+
+    counts, elevations: (frames, lines) number of points of each line, and their mean elevation.
+    """
     if counts.shape[1] < LEAST_LINES:
         return []
     usual = np.median(counts, axis=0)

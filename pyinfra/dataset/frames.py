@@ -27,7 +27,7 @@ def usual_step(numbers: Sequence[int]) -> int:
 
 
 def recorded_s(numbers: Sequence[int], period_s: float) -> float:
-    """Returns the seconds that ascending frames stand for: every fifth frame for five periods."""
+    """Returns the seconds that frames represent; with a step of 5, a frame represents 5 periods."""
     return len(numbers) * usual_step(numbers) * period_s
 
 

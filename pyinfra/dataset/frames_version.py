@@ -1,6 +1,6 @@
-"""The number of a data set's frames: the key `frames_version` of dataset.yaml.
+"""The version number of a data set's frames: the key `frames_version` of dataset.yaml.
 
-Frames with the same number have the same bytes for the same scene, LiDAR, preset and seed.
+Frames with the same version number have the same bytes for the same scene, LiDAR, preset and seed.
 """
 
 from pathlib import Path
@@ -12,7 +12,7 @@ from pyinfra.formats.kitti import read_yaml
 FIRST = "3"
 # Column of tables with the frames_version of the detector's training frames.
 LEARNT = "learnt_frames_version"
-NOT_MEASURED = "its accuracy on them was not measured"
+NOT_MEASURED = "the accuracy on such frames was not measured"
 # End of a warning in commands that measure the accuracy on the frames.
 MAY_BE_BETTER = "a detector that learnt from these frames may be more accurate"
 
@@ -40,9 +40,9 @@ def written_versions(folder: Path) -> tuple[str, str]:
 
 
 def number_at(folder: Path) -> str:
-    """Returns the number of the simulated frames in a LiDAR's folder.
+    """Returns the version number of the simulated frames in a LiDAR's folder, as a text.
 
-    The text is empty for a recording, and for frames of version 0.2, which have no number.
+    The text is empty for a recording, and for frames of package version 0.2, which have no number.
     """
     number, _ = written_versions(folder)
     return number if number.isdecimal() else ""

@@ -34,11 +34,11 @@ PoseError = tuple[FloatArray, FloatArray]  # rotation (3, 3) and shift (3,) of a
 
 @dataclass(eq=False, repr=False)
 class FusedFrames(SimulatedFrames):
-    """The frames of a LiDAR with the points of others added, in the levelled frame of the first.
+    """Frames with the points of several LiDARs, in the levelled frame of the first LiDAR.
 
-    Clocks are exact. The points of each LiDAR are moved by an error of its assumed pose. Objects
-    have the rows that `infrasim run` writes for them. `fields` has the column `mount`: the index of
-    the LiDAR of each point.
+    Clocks have no error. The points of each LiDAR are moved by the error of its assumed pose.
+    Objects have the rows that `infrasim run` writes for them. `fields` has the column `mount`: the
+    index of the LiDAR of each point.
     """
 
     others: tuple[SimulatedFrames, ...] = field(default=())
@@ -119,7 +119,7 @@ def fused(
     A single sequence without errors is returned unchanged.
 
     yaw_error_deg: error of the assumed yaw of each LiDAR, alternately to the left and to the right.
-    errors: errors of the assumed poses, in place of it.
+    errors: errors of the assumed poses; used unless yaw_error_deg is given.
     """
     first, *others = sequences
     if yaw_error_deg:
@@ -170,7 +170,8 @@ def check_clocks(worlds: Mapping[str, simulation.World]) -> None:
 def error_of(world: simulation.World, name: str) -> PoseError | None:
     """Returns the error of the assumed pose of a mount with `calibration_error`; None without.
 
-    A wrong tilt gives a wrong levelled frame: the true tilt is removed, and the assumed is applied.
+    A wrong tilt gives a wrong levelled frame. Points are levelled with the assumed tilt, not with
+    the true one.
     """
     mount = keys_of(world)["mounts"][name]
     error = mount.get("calibration_error")

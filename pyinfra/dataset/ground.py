@@ -188,7 +188,7 @@ def _plane(xy: FloatArray, z: FloatArray) -> Ground:
 def check_height(height_m: float) -> None:
     """Raises Error for an implausible height of a sensor above the road."""
     if not 0 < height_m <= MOST_HEIGHT_M:
-        raise Error(f"height_m: expected more than 0 to {MOST_HEIGHT_M:g}, got {height_m:g}")
+        raise Error(f"height_m: expected more than 0, at most {MOST_HEIGHT_M:g}, got {height_m:g}")
 
 
 def height_warnings(clouds: Sequence[Points], height_m: float) -> Iterator[str]:

@@ -52,7 +52,7 @@ MOST_RANGES = 6  # maximum number of frame ranges in a message
 
 @dataclass(frozen=True)
 class FrameHealth:
-    """What differs in a frame from the first minute. Unknown values are NaN."""
+    """The differences of a frame from the first minute. Unknown values are NaN."""
 
     frame: int
     points: int
@@ -63,13 +63,13 @@ class FrameHealth:
     lost_lines: int
     lost_sectors_deg: int
     near_share: float
-    problems: str  # names of problems, separated by spaces; empty for a good frame
+    problems: str  # names of problems, separated by spaces; empty if there is none
     dead_lines: str  # numbers of the lines without points in all frames, separated by spaces
 
 
 @dataclass(frozen=True, eq=False)
 class _Features:
-    """What is compared of a frame."""
+    """The features of a frame that are compared."""
 
     number: int
     points: int
@@ -114,7 +114,7 @@ class HealthMonitor:
         )
 
     def report(self) -> list[FrameHealth]:
-        """Returns the health of each frame; empty for too few frames, or too few points."""
+        """Returns the health of each frame; empty for too few frames or points."""
         frames = self._frames
         if len(frames) < LEAST_FRAMES:
             return []
@@ -204,7 +204,7 @@ def recorded_health(lidar_folder: Path, numbers: Sequence[int]) -> list[FrameHea
 
 
 def health_text(health: Iterable[FrameHealth]) -> str:
-    """Returns one text with the frames of each problem; empty if all frames are good.
+    """Returns one text with the frames of each problem; empty if no frame has a problem.
 
     An example is `31 of 60 frames differ from the first minute: tilted (frames 29 to 59)`.
     """
@@ -265,7 +265,7 @@ def _lowest(x: FloatArray, y: FloatArray, z: FloatArray, distance: FloatArray) -
 
 
 def _nanmedian(values: FloatArray) -> FloatArray:
-    """Returns the median of each column that at least half of the rows have, else NaN."""
+    """Returns the median of each column; NaN if less than half of its values are finite."""
     often = np.asarray(np.isfinite(values).mean(axis=0) >= 0.5)
     out = np.full(values.shape[1], np.nan)
     if often.any():
@@ -306,7 +306,7 @@ def _tilt(ground: FloatArray, usual: FloatArray) -> tuple[float, float]:
 
 
 def _turned(ranges: FloatArray, usual: FloatArray) -> tuple[float, float]:
-    """Returns the turn about z (degrees) that explains the ranges, and their remaining change."""
+    """Returns the turn about z (degrees) that explains the ranges, and the remaining change."""
     changes = {}
     for shift in range(-SECTORS // 8, SECTORS // 8 + 1):
         moved = np.abs(np.log(np.maximum(np.roll(ranges, -shift), 0.1) / np.maximum(usual, 0.1)))

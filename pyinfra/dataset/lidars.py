@@ -61,7 +61,7 @@ def presets_of(file: Path) -> tuple[str, ...]:
 
 
 def price_source(file: Path) -> str:
-    """Returns where the price of a LiDAR comes from; for a bundle, that of all its units."""
+    """Returns the source of a LiDAR's price; for a bundle, the sources of all its units."""
     return str(_plain(file)["price_source"])
 
 
@@ -152,7 +152,7 @@ def _lines(resolved: dict[str, Any]) -> int | None:
 
 
 def _detection(resolved: dict[str, Any]) -> dict[str, Any]:
-    """Returns the detection keys of the first unit.
+    """Returns the keys of `returns.detection` of a LiDAR's first unit.
 
     Returns an empty dict if every ray that hits a surface gives a point.
     """

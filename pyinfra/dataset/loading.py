@@ -229,7 +229,7 @@ def _mesh_files(
 
 
 def _with_paths(value: Any, key: str = "") -> Any:
-    """Returns keys in which each `file` is absolute: in the working folder, or a shipped file."""
+    """Returns keys with absolute paths under `file`: in the working folder, or shipped files."""
     if isinstance(value, dict):
         return {name: _with_paths(inner, name) for name, inner in value.items()}
     if isinstance(value, list):
@@ -250,9 +250,9 @@ def plain(keys: Mapping[str, object]) -> dict[str, object]:
 
 
 def sequence_of(frames: AnyFrames, argument: str) -> FrameSequence:
-    """Returns frames as a sequence: those of `one_lidar`, one frame, or clouds in memory.
+    """Returns a sequence of an argument of `one_lidar`, of one frame, or of clouds in memory.
 
-    Raises Error for anything else.
+    Raises Error for any other value.
     """
     if isinstance(frames, LidarFrame):
         return frames.alone()
@@ -274,7 +274,7 @@ def _cloud(value: object, argument: str) -> Float32Array:
     if points.ndim != 2 or points.shape[1] not in (3, 4):
         shape = f" {points.shape}" if points.size else ""
         raise Error(
-            f"{argument}: expected frames, a folder, points (n, 4), or a list of these points, got "
+            f"{argument}: expected frames, a folder, points (n, 4), or a list of such arrays, got "
             f"{type(value).__name__}{shape}"
         )
     return points if points.shape[1] == 4 else np.pad(points, ((0, 0), (0, 1)))

@@ -1,6 +1,6 @@
-"""How worlds and LiDARs of the compiled core are copied, pickled and shown.
+"""Copies, pickles and shows worlds and LiDARs of the compiled core.
 
-They are kept as the call that makes them, with the files that this process wrote for it.
+A pickle has the call that creates the object, and the files that this process wrote for the call.
 """
 
 import copyreg
@@ -22,13 +22,13 @@ _RECIPES: WeakKeyDictionary[Any, Callable[[], Any]] = WeakKeyDictionary()
 
 
 def remembered(made: Made, recipe: Callable[[], Made]) -> Made:
-    """Keeps the function that makes an object again, in this or in another process."""
+    """Stores the function that recreates an object in any process, and returns the object."""
     _RECIPES[made] = recipe
     return made
 
 
 def recipe_of(made: World | Lidar) -> Any:
-    """Returns the call that made an object. Raises Error for one that was made otherwise."""
+    """Returns the stored call that created an object. Raises Error if there is none."""
     if made not in _RECIPES:
         name = type(made).__name__
         raise Error(

@@ -11,19 +11,19 @@ _FILES: set[Path] = set()
 
 
 def own_file(name: str, write: Callable[[Path], object]) -> Path:
-    """Returns a file of this process with a name, which `write` writes unless it exists."""
+    """Returns the file of this process named `name`. `write` writes it unless it exists."""
     file = Path(tempfile.gettempdir()) / f"pyinfra_{os.getpid()}" / name
     _put(file, write)
     return file
 
 
 def named_in(text: str) -> dict[Path, bytes]:
-    """Returns the content of the files of this process that a text names, by path."""
+    """Maps the files of this process whose paths are in a text to their content."""
     return {file: file.read_bytes() for file in _FILES if str(file) in text}
 
 
 def put(files: Mapping[Path, bytes]) -> None:
-    """Writes files of another process that do not exist, such as those of `named_in`."""
+    """Writes files that `named_in` returned in another process, unless they exist."""
     for file, content in files.items():
         _put(file, lambda path, content=content: path.write_bytes(content))  # type: ignore[misc]
 

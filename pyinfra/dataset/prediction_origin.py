@@ -28,7 +28,7 @@ PRICES = re.compile(rb"^price_usd:\n(?:  .*\n)+|^price_total_usd: .*\n", re.MULT
 
 
 def model_name(model: Path) -> str:
-    """Returns the name of a model's file, or of its folder if the file is that of a training."""
+    """Returns the name of a model's file, or of its folder if the file has a name of RUN_FILES."""
     return resolved(model).parent.name if model.stem in RUN_FILES else model.stem
 
 

@@ -1,4 +1,4 @@
-"""Points from hits by a function of the user, for models of returns in Python."""
+"""Computes points from hits with a function of the user, for models of returns in Python."""
 
 from collections.abc import Callable
 from typing import Any
@@ -17,10 +17,10 @@ HITS = np.dtype([*((name, "<f4") for name in XYZI), *kitti.FIELDS.descr])
 def returned(
     function: Callable[..., Any], number: int, points: Float32Array, fields: Records
 ) -> tuple[Float32Array, Records]:
-    """Returns the points (m, 4) and fields (m,) that a function makes of hits (n,) of HITS.
+    """Returns the points (m, 4) and fields (m,) that a function computes from n hits.
 
-    The function also gets a NumPy generator, which depends on the number of the frame alone. Raises
-    Error if it returns something else than records of HITS.
+    The function gets records (n,) of HITS, and a NumPy generator that depends only on the frame
+    number. Raises Error if the function returns anything other than records of HITS.
     """
     hits = np.empty(len(points), HITS)
     for name, column in zip(XYZI, points.T, strict=True):
@@ -38,7 +38,7 @@ def returned(
 
 
 def counted(rows: AnyArray, points: Float32Array, object_ids: IntArray) -> AnyArray:
-    """Returns object rows whose counts are those of points (n, 4) with ids of objects (n,)."""
+    """Returns object rows with counts of the points (n, 4), whose object ids are (n,)."""
     out = with_points_in_boxes(rows, points, object_ids)
     row, _ = _rows_of(rows, object_ids)
     out["points"] = np.bincount(row, minlength=len(rows))
@@ -60,9 +60,9 @@ def ids_once_per_ray(fields: Records) -> IntArray:
 
 
 def with_points_in_boxes(rows: AnyArray, points: Float32Array, object_ids: IntArray) -> AnyArray:
-    """Returns object rows whose counts in boxes are those of points (n, 4) with ids (n,).
+    """Returns object rows with counts of the points (n, 4) in boxes. The object ids are (n,).
 
-    Unlike those of the simulator, the boxes are level on grades.
+    Here the boxes are level on grades; in the simulator, they are inclined.
     """
     out = rows.copy()
     row, on_object = _rows_of(rows, object_ids)
@@ -80,7 +80,7 @@ def with_points_in_boxes(rows: AnyArray, points: Float32Array, object_ids: IntAr
 def _rows_of(rows: AnyArray, object_ids: IntArray) -> tuple[IntArray, IntArray]:
     """Returns the object row (m,) of each point on an object, and the indices (m,) of the points.
 
-    Ids of rows ascend.
+    The ids of `rows` must ascend.
     """
     if not len(rows):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)

@@ -40,7 +40,7 @@ def other_roads(lidar_folder: Path) -> str | None:
         return None
     return (
         f"{file}: expected the roads of the scene in {description.name}, got {differences[0]}; "
-        "the evaluation region follows from this file"
+        "this file defines the evaluation region"
     )
 
 
@@ -57,7 +57,7 @@ def _expected(keys: Mapping[str, Any], mount: str) -> dict[str, Road] | None:
 
 
 def _difference(found: Mapping[str, Road], expected: Mapping[str, Road] | None) -> str:
-    """Returns the first difference of roads; empty without one."""
+    """Describes the first difference between roads; empty if there is none."""
     for name, road in (expected or {}).items():
         if name not in found:
             return f"no road {name}"
@@ -65,7 +65,8 @@ def _difference(found: Mapping[str, Road], expected: Mapping[str, Road] | None) 
         if len(given.s) != len(road.s) or not np.allclose(given.s, road.s, atol=MOST_M):
             return (
                 f"road {name} with {len(given.s)} rows from s = {given.s[0]:g} to "
-                f"{given.s[-1]:g} instead of {len(road.s)} from {road.s[0]:g} to {road.s[-1]:g}"
+                f"{given.s[-1]:g} m instead of {len(road.s)} rows from {road.s[0]:g} to "
+                f"{road.s[-1]:g} m"
             )
         if not np.allclose(given.xy, road.xy, atol=MOST_M):
             return f"road {name} at a different position"

@@ -22,7 +22,7 @@ _CHUNK = 20_000  # number of points that are processed together
 ROAD_COLUMNS = ["road", "s", "x", "y", "z", "heading", "half_width"]
 _RULES = (
     between(["s", "x", "y", "z"], -1e6, 1e6),
-    ColumnRule(("half_width",), lambda v: (v > 0) & (v <= 1000), "more than 0 to 1000"),
+    ColumnRule(("half_width",), lambda v: (v > 0) & (v <= 1000), "more than 0, at most 1000"),
 )
 
 

@@ -53,7 +53,7 @@ def write_folder(frames: SimulatedFrames, data_set: Path, *, fields: bool = True
 
 
 def of_kitti(fields: Records | None) -> Records | None:
-    """Returns the columns of fields (n,) that the layout has; fused frames have another one."""
+    """Returns the columns of fields (n,) that the layout has; fused frames have one more."""
     columns = list(kitti.FIELDS.names or ())
     return None if fields is None else fields[columns].astype(kitti.FIELDS)
 
@@ -63,7 +63,7 @@ def on_disk(frames: FrameSequence, near: Path | None = None) -> Iterator[Path]:
     """Context manager that gives the LiDAR's folder of a sequence.
 
     Simulated frames are written to a temporary folder in `near`, by default that of the system.
-    Raises Error for clouds of arrays.
+    Raises Error for clouds in memory.
     """
     if isinstance(frames, RecordedFrames):
         yield frames.folder

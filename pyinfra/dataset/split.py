@@ -44,7 +44,10 @@ def by_time(
     val. Raises Error if both parts overlap or one part is empty.
     """
     if val_from_s < train_until_s:
-        raise Error(f"{where}: val_from_s: expected {train_until_s:g} or more, got {val_from_s:g}")
+        raise Error(
+            f"{where}: val_from_s: expected train_until_s ({train_until_s:g}) or more, "
+            f"got {val_from_s:g}"
+        )
     starts = [round(frame * period_s, 6) for frame in frames]
     pairs = list(zip(frames, starts, strict=True))
     split = Split(

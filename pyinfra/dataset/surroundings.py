@@ -155,7 +155,7 @@ def road_lines(around: Surroundings) -> Iterator[RoadLine]:
 
 
 def pieces(line: FloatArray, good: BoolArray, step: int) -> Iterator[FloatArray]:
-    """Yields the pieces of a line (n, m) with two or more points, all of which are `good` (n,).
+    """Yields the pieces of two or more points of a line (n, m) whose mask `good` (n,) is True.
 
     The pieces are thinned by `step`.
     """

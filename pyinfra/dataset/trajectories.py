@@ -98,16 +98,16 @@ def existing(rows: pd.DataFrame, starts: FloatArray, ends: FloatArray) -> Existi
 
 
 def _positions(times: FloatArray) -> FloatArray:
-    """Returns times in steps of rows; a time within 1e-6 of a row is that row."""
+    """Returns times in units of ROW_STEP_S. Those within 1e-6 of a whole number are rounded."""
     positions = np.asarray(times, dtype=np.float64) / ROW_STEP_S
     nearest = np.rint(positions)
     return np.where(np.abs(positions - nearest) <= 1e-6, nearest, positions)
 
 
 def between_rows(values: FloatArray, at: FloatArray) -> FloatArray:
-    """Interpolates columns (n, m) of a table at positions (k,), such as 2.5: (k, m).
+    """Returns rows (k, m), interpolated in a table (n, m) at row positions (k,), such as 2.5.
 
-    Column 6, if there is one, is an angle, which changes the short way.
+    Column 6, if there is one, is an angle. It is interpolated in the direction of the smaller turn.
     """
     before = np.floor(at).astype(np.int64)
     share = (at - before)[:, None]

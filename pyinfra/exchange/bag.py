@@ -32,7 +32,7 @@ SUFFIXES = (".bag", ".mcap", ".db3")
 METADATA = "metadata.yaml"
 BOXES = (ros.MARKERS, ros.DETECTIONS, ros.JSK_BOXES)
 ROOTS = ("world", "map", "site", "earth", "odom")  # frames in which the sensor does not move
-NEAR_S = 0.15  # maximum age of a cloud when the boxes that belong to it arrive
+NEAR_S = 0.15  # maximum time from a cloud to its message of boxes
 LEAST_TILT_RAD = 1e-4
 # Message types with raw packets, which only the driver of the LiDAR can decode.
 PACKETS = ("VelodyneScan", "PandarScan", "UdpFrame", "PacketMsg", "RslidarScan", "RslidarPacket")
@@ -40,7 +40,7 @@ PACKETS = ("VelodyneScan", "PandarScan", "UdpFrame", "PacketMsg", "RslidarScan",
 
 @dataclass
 class Contents:
-    """What one pass over a bag finds."""
+    """Topics, clouds and boxes that one pass over a bag collects."""
 
     topics: dict[str, tuple[str, int]]  # type and number of messages of each topic
     times_ns: list[int] = field(default_factory=list)  # time at which each cloud was recorded
@@ -61,7 +61,7 @@ def read(source: Path, options: Options) -> Recording:
 
 
 class Bag:
-    """A bag and its topic of clouds. Clouds are read in turn, or from any cloud onwards."""
+    """A bag and its selected topic of clouds. Reading clouds in order is fastest."""
 
     def __init__(self, source: Path, options: Options) -> None:
         self.source, self.options = source, options
@@ -210,22 +210,22 @@ class Bag:
             if unstamped:
                 text += f"; {unstamped} messages without a stamp are paired by the times of the bag"
             if lost:
-                text += f"; {lost} messages have no cloud of their time and are left out"
+                text += f"; {lost} messages match no cloud in time and are left out"
             if len(out) < len(clock_ns):
                 bare = len(clock_ns) - len(out)
-                text += f"; {bare} of {len(clock_ns)} clouds have no message: no objects"
+                text += f"; {bare} of {len(clock_ns)} clouds have no message, thus no objects"
             notes.append(text)
         return out
 
 
 def _files(source: Path) -> tuple[Path, ...]:
-    """Returns the files of a bag: those with its endings, and the metadata of ROS 2."""
+    """Returns the files of a bag: those with the endings of bags, and metadata.yaml."""
     names = (METADATA, *(f"*{suffix}" for suffix in SUFFIXES))
     return (source,) if source.is_file() else tuple(p for n in names for p in source.glob(n))
 
 
 def bag_paths(source: Path) -> list[Path]:
-    """Returns what rosbags opens: files, or the folder of a ROS 2 bag with its metadata.yaml."""
+    """Returns the paths for rosbags: files, or the folder of a ROS 2 bag with its metadata.yaml."""
     if source.is_file() or (source / METADATA).is_file():
         return [source]
     files = sorted(p for p in source.iterdir() if p.suffix.lower() in SUFFIXES)

@@ -34,7 +34,7 @@ PRICE = '{low: 1, high: 1, source: "not known, replace it", date: "2000-01"}'
 
 @dataclass(frozen=True)
 class BeamTable:
-    """Beams of a spinning LiDAR, or rays of a table."""
+    """The beams of a spinning LiDAR, or the rays of a LiDAR with another scan pattern."""
 
     maker: str
     model: str
@@ -45,7 +45,7 @@ class BeamTable:
 
 
 def read_beam_table(file: Path) -> BeamTable:
-    """Reads a maker's table. Raises FormatError that says what was expected and found."""
+    """Reads a maker's table. Raises FormatError for any other content."""
     if file.stat().st_size > MOST_BYTES:
         raise FormatError(f"{file}: expected at most {MOST_BYTES} bytes, got {file.stat().st_size}")
     text = file.read_bytes().decode("utf-8-sig", "replace")
@@ -153,8 +153,8 @@ def _velodyne_yaml(file: Path, content: Any) -> BeamTable:
     largest = max((abs(e) for e, _ in beams), default=0.0)
     if len(beams) > 1 and largest < 0.03:
         raise FormatError(
-            f"{file}: vert_correction: expected angles in radians, got at most {largest:.2g} "
-            "degrees after conversion; check the unit"
+            f"{file}: vert_correction: expected angles in radians, got angles that are at most "
+            f"{largest:.2g} degrees after conversion; check the unit"
         )
     return BeamTable("Velodyne", "Velodyne", [(e, a) for e, a in beams])
 
@@ -201,8 +201,8 @@ def _columns(file: Path, text: str) -> BeamTable:
 def _cells(text: str) -> list[tuple[int, list[str]]]:
     """Returns the line number and the cells of each line that is not empty.
 
-    The first line has the separator of all lines: a semicolon, a tab, a comma, or else blanks. If
-    it is no comma, a comma in a number is its decimal point.
+    The first line decides the separator of all lines: a semicolon, a tab, a comma, or else blanks.
+    If the separator is not a comma, a comma in a number is a decimal point.
     """
     lines = [(n, line) for n, line in enumerate(text.splitlines(), start=1) if line.strip()]
     separator = next((sign for sign in ";\t," if lines and sign in lines[0][1]), None)

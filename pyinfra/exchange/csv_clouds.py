@@ -89,7 +89,7 @@ def _is_number(word: str) -> bool:
 
 
 def _known(words: list[str]) -> list[str]:
-    """Returns the names of columns in lower case, with known names of x, y, z and some others."""
+    """Returns column names in lower case; names of AXES and OTHER become the names used here."""
     names = [OTHER.get(word.lower(), word.lower()) for word in words]
     for axis, others in AXES.items():
         if axis not in names and (known := next((n for n in others if n in names), None)):

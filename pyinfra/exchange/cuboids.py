@@ -17,7 +17,7 @@ from pyinfra.exchange.json_boxes import checked_box, number, read_json
 from pyinfra.exchange.recording import Boxes
 
 VISIBILITY = {"NOT_OCCLUDED": 0.9, "PARTIALLY_OCCLUDED": 0.6, "MOSTLY_OCCLUDED": 0.2}
-KEYS = {"name", "type", "cuboid"}  # known keys of an object; `name` repeats the object's key
+KEYS = {"name", "type", "cuboid"}  # keys of an object that are not reported as unread
 
 
 def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:
@@ -26,7 +26,7 @@ def read_cuboids(file: Path, ids: dict[str, int]) -> Boxes:
     `ids` maps object keys to numbers. New objects are added to it. Objects without a valid cuboid
     are left out, and listed in `Boxes.left_out`.
 
-    Raises FormatError if the file has no single frame of objects.
+    Raises FormatError unless the file has exactly one frame.
     """
     frames, types = _frames_and_types(file)
     if len(frames) > 1:
@@ -56,8 +56,8 @@ def read_sequence(file: Path, clouds: Sequence[str]) -> dict[str, Boxes]:
         if name is None and key.isdecimal() and (fitting := numbers.get(int(key))):
             if len(fitting) > 1:
                 raise FormatError(
-                    f"{file}: frame {key}: expected the number of one cloud, got that of "
-                    f"{' and '.join(fitting)}; name the cloud in the `uri` of a stream"
+                    f"{file}: frame {key}: expected a number that fits one cloud, got a number "
+                    f"that fits {' and '.join(fitting)}; name the cloud in the `uri` of a stream"
                 )
             name = fitting[0]
         if name is None:
@@ -141,7 +141,7 @@ def _objects(file: Path, frame: dict[str, Any]) -> Iterator[tuple[str, dict[str,
 
 
 def _visibility(cuboid: dict[str, Any]) -> float:
-    """Returns the visible share: a number `visibility`, else by the text `occlusion_level`."""
+    """Returns the visible share from the number `visibility`, else from `occlusion_level`."""
     attributes = cuboid.get("attributes")
     attributes = attributes if isinstance(attributes, dict) else {}
     for kind, name in (("num", "visibility"), ("text", "occlusion_level")):

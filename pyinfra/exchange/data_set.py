@@ -31,7 +31,7 @@ from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import plain_cell
 from pyinfra.formats.kitti import RECORDED, Labels, Objects, RoadShape, WorldPose
 
-HEIGHT_OFF_M = 0.5  # tolerated difference of the sensor height from that above vehicle bottoms
+HEIGHT_OFF_M = 0.5  # tolerated difference between z and the height above vehicle bottoms
 SEEN = 1.0  # visibility of a labelled object if the recording states none
 
 
@@ -70,7 +70,7 @@ def write_lidar(
     if no frame has a return.
     """
     if facts.tilt and recording.tilt:
-        raise Error("tilt_deg: expected no value for a recording that has a tilt, got one")
+        raise Error("tilt_deg: the recording states the tilt; leave `tilt_deg` out")
     tilt = recording.tilt or facts.tilt or (0.0, 0.0)
     T_levelled_sensor = Rotation.from_euler("ZYX", [0, *tilt]).as_matrix()
     numbers = recording.numbers()
@@ -104,7 +104,7 @@ def write_lidar(
     if summary.points == 0:
         first = recording.reads[0] if recording.reads else "frames"
         bad = f"; {summary.bad[0]}" if summary.bad else ""
-        raise Error(f"{first}: expected a return in this or another frame, got none{bad}")
+        raise Error(f"{first}: expected one or more returns in the recording, got none{bad}")
     _write_lists(out, recording, numbers)
     summary.not_read = [*facts.not_read, *recording.unread_parts()]
     if summary.unread_keys:
@@ -120,8 +120,8 @@ def write_lidar(
 def write_description(data: Path, scene: str, tracks_sha256: str, *, tracked: bool = False) -> None:
     """Writes dataset.yaml, unless the data set already has a LiDAR.
 
-    `tracks_sha256` is the digest of `Recording`. tracked: whether ids are those of tracks, also
-    without a digest. Raises Error if the data set has a LiDAR and the
+    `tracks_sha256` is that of `Recording`. tracked: whether ids identify tracks even if there is no
+    digest. Raises Error if the data set has a LiDAR and the
     new LiDAR cannot be added. This is the case if the data set is simulated, or if the LiDARs do
     not share the ids of tracks.
     """
@@ -130,8 +130,8 @@ def write_description(data: Path, scene: str, tracks_sha256: str, *, tracked: bo
         tracks = kitti.read_yaml(file).maybe("tracks_sha256")
         if tracks is None or tracks.text() != tracks_sha256:
             raise Error(
-                f"{data}: expected a new folder, got a data set that does not share object ids "
-                "with this recording"
+                f"{data}: expected a new folder, or a data set with the same track ids as this "
+                "recording, got a data set without these track ids"
             )
         return
     lines = {
@@ -161,7 +161,7 @@ def levelled(frame: RecordedFrame, T_levelled_sensor: FloatArray) -> RecordedFra
 
 
 def upright(recording: Recording, tilt: tuple[float, float] | None) -> Recording:
-    """Returns the recording in the levelled frame. `tilt` is that of the sensor, if it has any."""
+    """Returns the recording in the levelled frame. tilt: pitch and roll of the sensor, or None."""
     if tilt is None:
         return recording
     T_levelled_sensor = Rotation.from_euler("ZYX", [0, *tilt]).as_matrix()
@@ -310,9 +310,9 @@ def _lidar_yaml(
 def _pose(recording: Recording, facts: LidarFacts, summary: ImportSummary) -> WorldPose:
     """Returns the pose in the world, in which the road is at z = 0.
 
-    The user's height above the road takes precedence over the recording's pose, and this over the
-    height above the bottoms of the labelled vehicles. The world of a recording may begin at sea
-    level instead. Then the vehicles decide, which is added to `assumed` of the summary.
+    The user's height above the road takes precedence over the recording's pose, and the pose over
+    the height above the bottoms of the labelled vehicles. If z of the pose differs from the
+    latter, for example because z counts from sea level, the latter is used and added to `assumed`.
     """
     below, height = summary.below_m, facts.height_m
     if recording.pose is None:

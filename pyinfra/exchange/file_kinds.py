@@ -8,7 +8,7 @@ HEAD_BYTES = 512
 
 @dataclass(frozen=True)
 class FileKind:
-    """A kind of file: its name, and the import format that reads it or what helps instead."""
+    """A kind of file: its name, and the import format that reads it, or advice to the user."""
 
     name: str
     format: str = ""  # a key of FORMATS; empty if the import cannot read such files
@@ -89,7 +89,7 @@ def kind_of(file: Path) -> FileKind | None:
 
 
 def found_text(folder: Path) -> str:
-    """Returns what lies in a folder, as in `4 .las files, such as street.las (LAS or LAZ)`."""
+    """Describes the content of a folder, as in `street.las (LAS or LAZ) and 3 more`."""
     entries = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
     files = [path for path in entries if path.is_file()]
     if not files:

@@ -141,8 +141,8 @@ def _near(period_s: float, other_s: float) -> bool:
 def _missing(late: FloatArray) -> IntArray:
     """Returns the number of frames that are missing in each step; negative if there are too many.
 
-    late: (n,) how much each step is too long, in steps. A late or early time, which the steps
-    around it make up for, is no missing frame.
+    late: (n,) how much each step is too long, in steps. A late or early time is not a missing frame
+    if the steps around it compensate the error.
     """
     rest = late.tolist()
     for apart in range(1, AROUND + 1):

@@ -40,7 +40,7 @@ NAME = "lidar"  # name of the LiDAR if the user gives only the folder of the dat
 def recording_folder(source: Path) -> Path:
     """Returns the folder of a recording.
 
-    The name `sample` stands for the recording of the package, unless a file has this name.
+    The name `sample` means the sample recording in the package, unless such a file exists.
     """
     return SAMPLE if str(source) == SAMPLE.name and not source.exists() else source
 
@@ -182,7 +182,7 @@ def output_folder(out: Path) -> Path:
 def check_data_folder(out: Path) -> None:
     """Raises Error if the folder of `out` is neither a data set nor empty.
 
-    Hidden files do not count. They can be those of another import, also of one that was killed.
+    Hidden files are ignored, because an import that is running or was killed can leave them.
     """
     data = out.parent
     if not data.is_dir() or (data / "dataset.yaml").is_file():

@@ -29,7 +29,7 @@ LEAST_M, MOST_M = 0.001, 1000.0
 
 
 class UnitError(FormatError):
-    """A value in another unit, which is probably the unit of all objects."""
+    """A value that is probably not in the expected unit. All objects are then in that unit."""
 
 
 def read_json(file: Path) -> Any:
@@ -44,7 +44,7 @@ def shown(content: object) -> str:
     """Describes the JSON value of a file in a few words."""
     if isinstance(content, dict):
         return f"the keys {', '.join(map(str, content))[:200]}" if content else "no keys"
-    return "a list of other entries" if isinstance(content, list) else f"{content!r:.40}"
+    return "a list with unexpected entries" if isinstance(content, list) else f"{content!r:.40}"
 
 
 def read_objects(file: Path, ids: dict[str, int] | None = None) -> Boxes:
@@ -80,11 +80,11 @@ def boxes_of(
 ) -> tuple[Boxes, list[int]]:
     """Reads the boxes of objects. Returns them, and the positions of the objects with a valid box.
 
-    `box_of` gets where an object is, and the object.
+    box_of: returns a box; gets the location of an object, for messages, and the object.
 
-    `keys` are those of the class and of the track, and `known` are all that are read. `ids` is that
-    of `read_objects`. Raises
-    UnitError; objects with another FormatError are left out.
+    `keys` are the keys of the class and of the track, and `known` are all keys that are read. `ids`
+    is that of `read_objects`. Raises UnitError. Objects for which `box_of` raises another
+    FormatError are left out.
     """
     rows, kept, left_out = [], [], []
     for i, entry in enumerate(objects):
@@ -109,7 +109,7 @@ def boxes_of(
 
 
 def track_digest(files: Sequence[Path], key: str = "track_id") -> str:
-    """Returns a digest of label files whose objects have a track; empty if none has one."""
+    """Returns a digest of label files whose objects have tracks; empty if no object has one."""
     tracked = any(f'"{key}"'.encode() in file.read_bytes() for file in files)
     return digest_of(files) if tracked else ""
 

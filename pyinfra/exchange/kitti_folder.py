@@ -158,10 +158,11 @@ def _boxes(file: Path, calib: Path, objects: Path) -> Boxes:
 
 
 def known_objects(file: Path, labels: kitti.Labels) -> tuple[IntArray, FloatArray] | None:
-    """Returns ids and visibility (k,) of labels, whose objects are in `file` in the same order.
+    """Returns ids and visibility (k,) of the labels of a frame, read from its file of `objects`.
 
-    This package writes the file beside the labels, which have all objects, or those with a point.
-    Returns None if the file does not exist or has other objects. Raises FormatError.
+    This package writes the file beside the labels, with the same objects in the same order. Labels
+    may lack objects without points. Returns None if the file does not exist or does not fit the
+    labels. Raises FormatError.
     """
     if not file.is_file():
         return None

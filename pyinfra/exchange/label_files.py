@@ -32,7 +32,7 @@ SUFFIXES = (".txt", ".json", ".csv")
 
 @dataclass(frozen=True, eq=False)
 class LabelFiles:
-    """The clouds of a recording and their labels. Without labels, there are no files."""
+    """The clouds of a recording and their labels. Without labels, `files` is empty."""
 
     clouds: list[Path]  # the clouds with labels, or all clouds if there are no labels
     # Maps the name of a cloud to its boxes. Raises FormatError.
@@ -125,7 +125,7 @@ def object_labels(clouds: list[Path], folder: Path | None) -> LabelFiles:
 
 
 def _open_label(source: Path) -> Path | None:
-    """Returns the only OpenLABEL file with all frames in a recording, as exports have it."""
+    """Returns the OpenLABEL file of a recording, or None unless there is exactly one."""
     files = sorted(source.glob("*.json")) if source.is_dir() else []
     found = []
     for file in files[:MOST_JSON]:
@@ -141,7 +141,7 @@ def _suffixes(folder: Path) -> list[str]:
 
 
 def _with_labels(clouds: list[Path], files: Sequence[Path]) -> tuple[list[Path], list[str]]:
-    """Returns the clouds that have a label file, and a note on the others.
+    """Returns the clouds that have a label file, and a note on the clouds that have none.
 
     Labelling tools write a file only for the frames that were labelled.
     """
@@ -153,7 +153,7 @@ def _with_labels(clouds: list[Path], files: Sequence[Path]) -> tuple[list[Path],
 def _labelled(
     clouds: list[Path], names: Container[str], problem: str
 ) -> tuple[list[Path], list[str]]:
-    """Returns the clouds with one of the names, and a note on the problem of the others."""
+    """Returns the clouds with one of the names, and a note with the problem of all other clouds."""
     others = [cloud for cloud in clouds if stem(cloud) not in names]
     if not others:
         return clouds, []
@@ -233,7 +233,7 @@ def _of_one_csv(clouds: list[Path], file: Path, options: Options) -> LabelFiles:
     notes = [f"columns of {file.name}: {', '.join(texts)}"] if texts else []
     bare = len(clouds) - len(rows)
     if bare:
-        notes.append(f"{bare} of {len(clouds)} clouds have no row in {file.name}: no objects")
+        notes.append(f"{bare} of {len(clouds)} clouds have no row in {file.name}, thus no objects")
 
     def read(name: str) -> Boxes:
         return _boxes(file, table, rows[name], ids) if name in rows else NO_BOXES

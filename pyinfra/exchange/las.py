@@ -27,7 +27,7 @@ def read(source: Path, options: Options) -> Recording:
 
 @unchecked
 def read_las(file: Path) -> Records:
-    """Reads a file into records (n,) with x, y, z and those of FIELDS that it has.
+    """Reads a file into records (n,) with x, y, z and all fields of FIELDS that it has.
 
     Raises FormatError for a file that laspy cannot read.
     """

@@ -58,7 +58,7 @@ def cloud_reader(clouds: Sequence[Path]) -> tuple[Callable[[Path], Points], list
 
 
 def following_reader() -> Callable[[Path], Points]:
-    """Returns a function that reads clouds one after the other, as that of `cloud_reader`.
+    """Returns a function like that of `cloud_reader`, for clouds that arrive one by one.
 
     The first CHECKED clouds with points decide the columns and the scale of all later ones.
     """

@@ -2,7 +2,7 @@
 
 The file NAME.mcap has the topics
     /NAME/points  sensor_msgs/PointCloud2            all available point fields
-    /NAME/boxes   visualization_msgs/MarkerArray     a marker that deletes all, one cube per object
+    /NAME/boxes   visualization_msgs/MarkerArray     deletes earlier markers, adds a cube per object
     /tf           tf2_msgs/TFMessage                 world to the levelled LiDAR frame, `NAME`
 A cloud is stamped with the start of its frame. The field `time` counts from this stamp. Boxes are
 stamped with the middle of the frame. With label time `scan`, this is only approximate, because

@@ -238,7 +238,7 @@ def _share(location: str, raw: object) -> float:
 
 
 def _splits(tables: Tables, rows: list[Row], names: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Returns the frames of train and val by splits.json, which may be missing.
+    """Returns the frames of train and val as listed in splits.json, which may be missing.
 
     The file maps names such as `infrasim_train` to names of scenes.
     """
@@ -297,9 +297,10 @@ def _boxes(tables: Tables, rows: list[Row], pose: Pose) -> Boxes:
 
 
 def read_results(file: Path, source: Path, channel: str | None = None) -> dict[int, Boxes]:
-    """Reads a result file of nuScenes; returns the boxes by frame, in the order of time from 0.
+    """Reads a result file of nuScenes, and returns the boxes by frame.
 
-    The visibility of a box is its score. source: folder of the tables. Raises FormatError.
+    Frames count from 0 in order of time. The visibility of a box is its score. source: folder of
+    the tables. Raises FormatError.
     """
     tables, data = Tables(_table_folder(source)), read_json(file)
     rows = _key_frames(tables, _sensor(tables, channel))

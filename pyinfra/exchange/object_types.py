@@ -59,7 +59,8 @@ def with_public_types(format: str, user_types: Mapping[str, str]) -> dict[str, s
 def types_of(names: NameArray, user_types: Mapping[str, str]) -> NameArray:
     """Returns the types (k,) of names (k,): by `user_types`, else by TYPES, else the name itself.
 
-    In a name that is returned itself, `_` replaces blanks and the first letter of a formula.
+    If the name itself is returned, `_` replaces blanks, and a first sign such as `=` that would
+    make the name a formula in a spreadsheet.
     """
     return np.array([_type(str(name), user_types) for name in names], dtype=np.str_)
 

@@ -61,7 +61,7 @@ def read_ply(file: Path) -> Records:
 
 def _header(file: Path, stream: BinaryIO) -> tuple[str, int, list[tuple[str, str]]]:
     if stream.readline(100).strip() != b"ply":
-        fail(file, "expected the first line 'ply', got another one or an empty file", 1)
+        fail(file, "expected 'ply' as the first line, got a different line or an empty file", 1)
     encoding, elements, kinds, count = "", [], [], -1
     for number in range(2, MOST_LINES):
         line = stream.readline(10_000)

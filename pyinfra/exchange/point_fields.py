@@ -6,7 +6,7 @@ Known names and units of drivers of LiDARs:
     Hesai      timestamp  seconds since 1970 (float64)
     RoboSense  timestamp  seconds since 1970 (float64)
     Livox      offset_time nanoseconds (uint32) from the start, or timestamp in nanoseconds
-A file states neither the unit nor the start of the count, so both follow from the values.
+A file states neither the unit nor the start of the count, so both are estimated from the values.
 """
 
 from collections.abc import Iterable, Sequence
@@ -90,7 +90,7 @@ class PointFields:
             )
 
     def unread(self) -> list[str]:
-        """Returns a text with the fields of clouds that are not read, or nothing."""
+        """Returns a text with the fields of clouds that are not read; empty if all are read."""
         read = {self.ring, self.times.field if self.times else None}
         names: dict[str, None] = {}
         for records in self.clouds:
@@ -151,7 +151,7 @@ def intensity_field(records: Records) -> str | None:
 
 
 def named_fields(kind: np.dtype[np.void], names: Sequence[str]) -> list[str]:
-    """Returns the fields with one value per point whose names are in `names`, in their order.
+    """Returns the fields with one value per point named in `names`, in the order of `names`.
 
     CloudCompare prefixes names with `scalar_`. Letter case does not matter.
     """
@@ -164,10 +164,10 @@ def named_fields(kind: np.dtype[np.void], names: Sequence[str]) -> list[str]:
 
 @unchecked
 def map_offset(samples: Iterable[Records]) -> FloatArray:
-    """Returns the offset (3,) of coordinates of a map, such as UTM; 0 for those of a sensor.
+    """Returns the offset (3,) of map coordinates, such as UTM; 0 for coordinates of a sensor.
 
-    float32 would round such coordinates to half a metre. They are far from 0 compared with their
-    spread.
+    float32 would round map coordinates to half a metre. Coordinates count as map coordinates if
+    they are far from 0 compared with their spread.
     """
     for records in samples:
         axes = [name for axis in "xyz" for name in named_fields(records.dtype, [axis])]
@@ -201,7 +201,7 @@ def _point_times(samples: Sequence[Records]) -> tuple[PointTimes | None, list[st
             continue
         plain = times.unit_s == 1 and not times.is_shifted
         if not plain:
-            start = " from an epoch" if times.is_absolute else ""
+            start = " since an epoch such as 1970" if times.is_absolute else ""
             start = " to the end of the frame" if times.is_shifted and not start else start
             anew = "; times are counted from the first point of each frame"
             notes.append(
@@ -235,7 +235,7 @@ def _counted(name: str, columns: Sequence[AnyArray]) -> PointTimes | str:
     unit = next((u for u in UNITS if DURATION_S[0] <= span * u < DURATION_S[1]), None)
     if unit is None:
         low, high = DURATION_S
-        return f"expected {low:g} to {high:g} s between points of a frame, got {span:g} s"
+        return f"expected {low:g} to {high:g} s from first to last point, got {span:g} s"
     if columns[0].dtype.kind == "f":
         rounding = float(np.spacing(np.asarray(first + span, dtype=columns[0].dtype))) * unit
         if rounding > MOST_ROUNDING_S:

@@ -281,8 +281,8 @@ def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
     """
     if MILLIMETRES in estimate.assumed:
         raise Error(
-            f"{source}: expected the road {LOWEST_M:g} m or more below the origin, got coordinates "
-            f"that do not fit in millimetres, as assumed: {why}; `unit_m` sets the unit"
+            f"{source}: expected the road {LOWEST_M:g} m or more below the origin, got none "
+            f"with coordinates in millimetres, as assumed: {why}; `unit_m` sets the unit"
         )
 
 
@@ -304,8 +304,8 @@ def _as_given(
     if near_given is None or near_given.share < LEAST_SHARE or near_given.score < plane.score / 3:
         raise Error(
             f"{source}: height_m: expected a height within {off:.2g} m of the estimate of "
-            f"{plane.height_m:.2f} m, got {facts.height_m:g}; without `height_m`, the estimate is "
-            "used"
+            f"{plane.height_m:.2f} m, got {facts.height_m:g} m; without `height_m`, the estimate "
+            "is used"
         )
     return near_given
 
@@ -317,8 +317,9 @@ def _level(estimate: Survey, plane: RoadPlane) -> Survey:
     if not math.isnan(plane.moved_share):
         share += f", and {100 * plane.moved_share:.0f} % of the ground under traffic"
     notes = [
-        f"the road is {plane.height_m:.2f} m below the sensor: {share}; its root mean square "
-        f"distance to the plane is {100 * plane.residual_m:.0f} cm within {FIT_M:g} m"
+        f"the road is {plane.height_m:.2f} m below the sensor: {share}; the root mean "
+        "square distance of the ground to the plane is "
+        f"{100 * plane.residual_m:.0f} cm within {FIT_M:g} m"
     ]
     if plane.crown:
         notes.append(f"the road falls by {100 * plane.crown:.1f} % to either side of its crown")

@@ -25,7 +25,7 @@ FIRST = 3
 
 
 def readable(read: Callable[[_Item], _Read], items: Iterable[_Item]) -> Iterator[_Read]:
-    """Yields what `read` returns for each item, such as a file, without items that are wrong."""
+    """Yields the results of `read`, without those items (such as files) that it cannot read."""
     for item in items:
         with contextlib.suppress(FormatError):
             yield read(item)

@@ -1,7 +1,8 @@
 """Fits a quadratic surface to a road that is not a plane, for example at a crest, dip or crown.
 
 Only ground under traffic is certain to be road. Therefore the surface is fitted to the ground in
-the columns in which an object moved. Static objects beside the road do not change the fit.
+the 1 m wide vertical columns in which an object moved. Static objects beside the road have no
+effect.
 """
 
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ from pyinfra.dataset.ground import SHAPE_REACH_M, shape_heights
 from pyinfra.dataset.road_plane import SOFT_M, lowest_points
 from pyinfra.formats.kitti import RoadShape
 
-LEAST_COLUMNS = 100  # minimum number of ground cells in which traffic was seen
+LEAST_COLUMNS = 100  # minimum number of columns in which an object moved
 GATES_M = (1.5, 0.8, 0.5, 0.3, 0.3, 0.3)  # maximum distance of points from the surface in each fit
 # Points higher than ABOVE_M above the surface may be a vehicle that hides the road. Their weight is
 # ABOVE_WEIGHT.

@@ -158,7 +158,7 @@ def xyz(values: Sequence[float]) -> Message:
 
 
 def turned_about_z(heading: float) -> Message:
-    """Returns a geometry_msgs/Quaternion."""
+    """Returns the geometry_msgs/Quaternion of a rotation about z."""
     return dict(zip("xyzw", quaternion(heading), strict=True))
 
 

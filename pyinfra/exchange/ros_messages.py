@@ -67,7 +67,7 @@ def header_stamp_ns(raw: bytes, *, is_ros2: bool) -> int:
 def cloud_records(location: str, message: Any) -> Records:
     """Returns the points (n,) of a sensor_msgs/PointCloud2 with all fields of one value.
 
-    Raises FormatError that begins with `location` for sizes that do not fit.
+    Raises FormatError that begins with `location` if the message's sizes are inconsistent.
     """
     order = ">" if message.is_bigendian else "<"
     names, formats, offsets = [], [], []
@@ -83,8 +83,8 @@ def cloud_records(location: str, message: Any) -> Records:
     ends = [o + np.dtype(f).itemsize for o, f in zip(offsets, formats, strict=True)]
     if not names or max(ends) > step or step > 10_000:
         raise FormatError(
-            f"{location}: expected fields within the point_step, got {max(ends, default=0)} bytes "
-            f"of fields in {step} bytes"
+            f"{location}: expected fields within the point_step of {step} bytes, got fields up to "
+            f"byte {max(ends, default=0)}"
         )
     data = bytes(message.data)
     row = int(message.row_step) if height > 1 else width * step
@@ -111,7 +111,7 @@ def livox_records(location: str, raw: bytes, *, is_ros2: bool) -> Records:
         at += 8 + 4 + 4  # sizes of timebase, of point_num, and of lidar_id and rsvd
         (count,) = struct.unpack_from("<I", raw, at)
     except struct.error:
-        raise FormatError(f"{location}: expected a Livox CustomMsg, got {len(raw)} bytes") from None
+        raise FormatError(f"{location}: expected a whole CustomMsg, got {len(raw)} bytes") from None
     at += 4
     step = 20 if is_ros2 else 19  # CDR aligns each point to 4 bytes
     size = max(step * (count - 1) + 19, 0)

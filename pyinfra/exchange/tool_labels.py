@@ -37,7 +37,7 @@ SIZES = ("length", "width", "height")
 
 
 def read_sustech(file: Path, ids: dict[str, int]) -> Boxes:
-    """Reads a file of SUSTechPOINTS. `ids` maps names of tracks to numbers, which are added."""
+    """Reads a file of SUSTechPOINTS. New tracks are added to `ids`, which maps names to numbers."""
     objects = checked_objects(file, read_json(file))
     return boxes_of(file, objects, _sustech_box, ("obj_type", "obj_id"), SUSTECH_KEYS, ids)[0]
 
@@ -83,7 +83,7 @@ def _sustech_box(location: str, entry: Mapping[str, Any]) -> FloatArray:
 
 
 def _box_of_corners(location: str, raw: object) -> FloatArray:
-    """The corners are those of `BBox` of labelCloud: 3 is ahead of 0, 1 left of 0, 4 above 0."""
+    """Returns the box of eight corners. Corner 3 is ahead of corner 0, 1 left of 0, 4 above 0."""
     rows = raw if isinstance(raw, list) else []
     values = [
         number(f"{location}: vertices", v) for row in rows if isinstance(row, list) for v in row

@@ -34,7 +34,8 @@ def unit_of(source: Path, clouds: Sequence[Floats], options: Options) -> float:
 def brightest_of(clouds: Sequence[Floats]) -> float:
     """Returns the intensity that only a few points exceed, or 0.
 
-    Whole numbers above 1 are never shares of 1, even if almost all points are dark.
+    If all intensities are whole numbers, and one is above 1, the result is at least 2, even if
+    almost all points are dark. The intensities then do not count as shares of 1.
     """
     values = np.concatenate([np.empty(0), *(c[np.isfinite(c[:, 3]), 3] for c in clouds)])
     if len(values) == 0:

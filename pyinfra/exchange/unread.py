@@ -1,4 +1,4 @@
-"""Lists what lies in a recording, and beside it, but is not read by the import."""
+"""Lists the files and folders in a recording, and beside it, that the import does not read."""
 
 import re
 from collections import Counter
@@ -20,7 +20,7 @@ def unread_files(source: Path, reads: Sequence[Path]) -> list[str]:
     """Returns the files and folders of a recording that are not read, such as `camera/ (9 .jpg)`.
 
     `reads` are the files and folders that are read. Files and folders beside the recording are
-    listed if their names are those of labels. Files with a name that begins with . or
+    listed if their names suggest labels. Files with a name that begins with . or
     _ are not listed, and neither are texts such as a readme, or programs.
     """
     known = {resolved(path) for path in reads}
@@ -38,7 +38,7 @@ def unread_files(source: Path, reads: Sequence[Path]) -> list[str]:
 
 
 def has_labels(unread: Iterable[str]) -> bool:
-    """Returns whether a file or folder that is not read is probably one of labels."""
+    """Returns whether one of the unread files or folders probably has labels."""
     return any(LIKE_LABELS.search(text.partition(" (")[0]) for text in unread)
 
 
@@ -72,6 +72,6 @@ def _text(path: Path) -> str:
 
 
 def listed(texts: Sequence[str]) -> str:
-    """Returns the texts in one line, with the number of those that are not listed."""
+    """Returns the texts in one line, with the number of texts that are left out."""
     more = len(texts) - MOST_LISTED
     return "; ".join(texts[:MOST_LISTED]) + (f"; and {more} more" if more > 0 else "")

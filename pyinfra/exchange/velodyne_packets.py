@@ -1,7 +1,7 @@
 """Reads .pcap packets of Velodyne LiDARs with velodyne-decoder.
 
-Other makers have no open package that fits: the refusal names the program that converts their
-packets to a bag, which the import reads.
+For packets of other makers, there is no suitable open package. The error message then names the
+program that converts the packets to a bag, which the import reads.
 """
 
 from collections.abc import Iterator

@@ -19,8 +19,9 @@ def coverage(
 ) -> pd.DataFrame:
     """Returns for each experiment how much road, or how many squares, it covers.
 
-    Columns: covered_m and its interval low_m, high_m; road_m, the road or squares that were
-    evaluated; covered_in, the unit of these columns; no_interval, why the interval is missing.
+    Columns: covered_m with its interval (low_m, high_m); road_m, the length of road or number of
+    squares that was evaluated; covered_in, the unit of these columns; no_interval, the reason if
+    the interval is missing.
     """
     rows_covered = road(distance, requirements, truth).assign(covered_in=ROAD)
     near = distance[(distance.ground_truth == truth) & (distance.s.abs() <= requirements.range_m)]
@@ -59,7 +60,7 @@ def coverage(
 
 
 def no_interval(row: pd.Series, requirements: Requirements) -> str:
-    """Returns why the coverage has no valid interval; empty if the interval is valid."""
+    """Returns the reason why the coverage has no valid interval; empty if it has one."""
     part = "window" if row.covered_in == ROAD else "square"
     if row.parts == 0:
         return "no vehicle is within the range"
@@ -71,7 +72,7 @@ def no_interval(row: pd.Series, requirements: Requirements) -> str:
 
 
 def road(distance: pd.DataFrame, requirements: Requirements, truth: str) -> pd.DataFrame:
-    """Returns for each experiment covered_m, its interval low_m and high_m, and road_m.
+    """Returns covered_m, the ends of its interval low_m and high_m, and road_m by experiment.
 
     distance: windows of the experiments of one scene.
     """

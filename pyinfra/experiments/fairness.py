@@ -7,15 +7,15 @@ from pyinfra.experiments.result_tables import PRETRAINED
 
 
 def measured_gains() -> dict[str, float]:
-    """Returns the AP that fine-tuning adds by LiDAR, as the study measured it."""
+    """Returns the measured gain in AP from fine-tuning the pretrained detector, by LiDAR."""
     return read_detectability("generalist").gains
 
 
 def caveat(lidars: Iterable[str], gains: Mapping[str, float]) -> str:
     """Returns a remark that the pretrained detector is not equally good for all LiDARs.
 
-    gains: AP that fine-tuning adds, by LiDAR, of those that were measured. Without any, the text is
-    empty.
+    gains: AP that fine-tuning adds, for each LiDAR for which it was measured. If `gains` is empty,
+    the text is empty.
     """
     names = list(dict.fromkeys(lidars))
     if not gains:

@@ -70,15 +70,15 @@ class Option:
 
     @property
     def least_latency_ms(self) -> float:
-        """Low end of the interval of the latency, without the time that other processes took."""
+        """The low end of the latency's interval, or the latency if the table has no interval."""
         return self.latency_low_ms if self.latency_low_ms >= 0 else self.latency_ms
 
     def less(self, other: Option) -> Interval:
         """Returns the paired difference of the AP of all vehicles, this option minus the other.
 
-        If a benchmark compared the two in replicates, this is the result. Otherwise the difference
-        has no interval if one of the options has no bootstrap replicates. Raises Error for
-        replicates of different blocks of time.
+        If a benchmark compared the two in replicates, the result is that difference. Otherwise the
+        difference has no interval if one of the options has no bootstrap replicates. Raises Error
+        for replicates of different blocks of time.
         """
         if other.name in self.replicated:
             return self.replicated[other.name]
@@ -89,7 +89,7 @@ class Option:
 
 
 def mean_option(options: Sequence[Option]) -> Option:
-    """Returns an option with the mean figures of its seeds.
+    """Returns one option with the mean figures of `options`, which differ in the seed only.
 
     The seeds of a benchmark are trainings on the same traffic, so intervals are those of one seed:
     for `ap_whole` from the mean of the bootstrap replicates, for other figures from the mean of the

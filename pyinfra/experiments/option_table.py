@@ -27,7 +27,7 @@ class Shortfall:
 
     of: Literal["price", "ap", "latency"]
     reason: str
-    relax: str  # budget, AP or latency that the option would meet; empty if none would help
+    relax: str  # budget, AP or latency that the option would meet; empty if there is none
     share: float  # how far the option misses the requirement, as a share of the requirement
 
 
@@ -178,9 +178,9 @@ def shortfalls(option: Option, requirements: Requirements) -> list[Shortfall]:
 
 
 def relaxation(broken: Sequence[Shortfall], limit_ms: float) -> str:
-    """Returns as text the requirements that an option would meet.
+    """Returns as text how to change the requirements so that an option would meet them.
 
-    If no other requirement would help, the text asks for a measured latency.
+    If no change of a requirement helps, the text asks for a measured latency.
     """
     words = [missed.relax for missed in broken if missed.relax]
     if len(words) < len(broken):

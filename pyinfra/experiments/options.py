@@ -35,7 +35,7 @@ from pyinfra.metrics.row_selection import (
 def read_options(
     folder: Path, tier: str, scene: str, preset: str, requirements: Requirements
 ) -> list[Option]:
-    """Returns `options_of` for the tables of a folder.
+    """Returns the result of `options_of` for the tables of a folder.
 
     Raises FileNotFoundError if a table is missing.
     """
@@ -47,10 +47,10 @@ def options_of(
 ) -> list[Option]:
     """Returns the finished experiments of a scene, ordered by AP of all vehicles, then by price.
 
-    The options have the seeds that all of them have. If there are several, figures are those of
-    `mean_option`, and prices and latencies are of the first. preset: by default the result of
-    `preset_of_answers`. Raises Error for an invalid table, for a scene or preset without results,
-    and for a table in which experiments are missing.
+    Only the seeds that all options have are used. If there are several, figures are those of
+    `mean_option`, and prices and latencies are those of the first seed. preset: by default the
+    result of `preset_of_answers`. Raises Error for an invalid table, for a scene or preset without
+    results, and for a table in which experiments are missing.
     """
     done = results.finished()
     if done.empty:
@@ -68,9 +68,9 @@ def options_of(
 
 
 def with_replicates(options: Sequence[Option], until: pd.DataFrame) -> list[Option]:
-    """Returns options with the difference from another one in the replicates of `until`.
+    """Returns the options; those compared in table `until` get their difference in `replicated`.
 
-    This is the difference of the AP of the whole region, so options of another range have none.
+    It is the difference of the AP of the whole region. Options with a shorter range get none.
     """
     named, first = {f"{o.lidar} {o.detector}": o for o in options}, options[0]
     rows = until[(until.scene == first.scene) & (until.preset == first.preset)]
@@ -108,7 +108,7 @@ def _of_seed(
 
 
 def read_tables(folder: Path, tier: str) -> Results:
-    """Reads the tables as `read_results` does, and checks that a recommendation has all it needs.
+    """Reads tables with `read_results`, and checks that they suffice for a recommendation.
 
     Raises FileNotFoundError for a missing table, and Error for a table of LiDARs without presets.
     """
@@ -151,7 +151,7 @@ def chosen(done: pd.DataFrame, scene: str, preset: str) -> tuple[str, str]:
 def joined(experiments: pd.DataFrame, more: pd.DataFrame, file: Path) -> pd.DataFrame:
     """Returns the experiments with the columns of another table, which was read from `file`.
 
-    Raises Error, which names the file, if experiments are missing there.
+    Raises Error, which names the file, if experiments are missing in the other table.
     """
     table = experiments.merge(more, on=KEY)
     if len(table) < len(experiments):

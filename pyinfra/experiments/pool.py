@@ -126,7 +126,8 @@ def run(
     """Calls `call` at least once for each task, and repeats tasks whose worker process died.
 
     `call` itself must not raise. left: returns the given tasks that are not done. If a worker dies
-    while only one task runs, `lost` is called with this task and the error.
+    while only one task runs, `lost` is called with this task and the error, and the task is not
+    repeated.
     """
     groups = [list(tasks)]
     while groups:

@@ -39,24 +39,24 @@ class Requirements:
     latency_ms: float | None = None
 
     def limit_ms(self, frame_ms: float) -> float:
-        """Returns the longest median time per frame of a LiDAR with a frame period."""
+        """Returns the maximum median time per frame, in ms, for a LiDAR with this frame period."""
         return frame_ms if self.latency_ms is None else self.latency_ms
 
     def limits_text(self, frames_ms: Iterable[float]) -> str:
-        """Returns the longest median times of LiDARs with these frame periods as text."""
+        """Returns the maximum median times per frame as text, for LiDARs with these periods."""
         limits = sorted({self.limit_ms(frame_ms) for frame_ms in frames_ms})
         return " or ".join(f"{limit:g}" for limit in limits) + " ms"
 
 
 def unlike(value: float, limit: float, digits: int) -> str:
-    """Returns a number that misses a limit as text, with more digits if it would round to it."""
+    """Returns `value` as text, with more decimal places if it would look equal to `limit`."""
     text = f"{value:,.{digits}f}"
     is_alike = text == f"{limit:,.{digits}f}" and digits < 4
     return unlike(value, limit, digits + 1) if is_alike else text
 
 
 def place_of(range_m: float) -> str:
-    """Returns in words where the vehicles of a range are."""
+    """Returns the place of the vehicles within a range in words, such as `within 50 m`."""
     return "in the whole region" if range_m >= REGION_M else f"within {range_m:g} m"
 
 
@@ -71,7 +71,7 @@ def checked_requirements(
         ("latency_ms", math.inf if latency_ms is None else latency_ms, 0, math.inf),
     ):
         if not least < value <= top:
-            upper = f" to {top:g}" if top < math.inf else ""
+            upper = f" and at most {top:g}" if top < math.inf else ""
             text = f"{key}: expected above {least}{upper}, got {value:g}"
             share = key == "min_ap" and 0 < value <= 1
             raise Error(f"{text}; AP is 0 to 100, not a share" if share else text)

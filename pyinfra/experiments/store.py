@@ -1,4 +1,4 @@
-"""CSV tables of results that several processes fill, and by which a benchmark resumes.
+"""CSV tables of results, which several processes fill and from which a benchmark resumes.
 
 The benchmark and the stress test use them. An experiment that has a row is finished and does not
 run again (`fill`).
@@ -73,7 +73,7 @@ def has(table: pd.DataFrame, key: Mapping[str, object]) -> bool:
 
 
 def has_each(table: pd.DataFrame, keys: Sequence[Mapping[str, object]]) -> list[bool]:
-    """Returns for each key whether the table has a row with it.
+    """Returns a boolean for each key: whether the table has a row with this key.
 
     All keys must have the same columns.
     """
@@ -84,7 +84,7 @@ def has_each(table: pd.DataFrame, keys: Sequence[Mapping[str, object]]) -> list[
 
 
 def with_row(keys: Sequence[Key], table: pd.DataFrame, *, present: bool = True) -> list[Key]:
-    """Returns the keys that have a row in the table; without `present`, those that have none.
+    """Returns the keys that have a row in the table or, if not `present`, those without a row.
 
     keys: objects of one class, whose attributes are the key of a row.
     """

@@ -1,7 +1,7 @@
-"""Reads boxes from a CSV file whose columns have any names.
+"""Reads boxes from a CSV file whose columns can have any names.
 
-A column has a key, such as `length`. Plain names are recognised; a user's mapping of keys to
-columns comes first. All boxes are in the LiDAR frame, in metres.
+A quantity has a key, such as `length`. Usual column names of each key are recognised; a user's
+mapping of keys to columns takes precedence. All boxes are in the LiDAR frame, in metres.
 """
 
 import csv
@@ -101,9 +101,9 @@ def rows_of_frames(
 ) -> dict[Frame, IntArray]:
     """Returns the rows (k,) of each frame that has boxes.
 
-    names: pairs of a name and its frame; of two frames with the same name, the last one counts. The
-    column `frame` has a name, with or without ending and folder, or a number. Raises FormatError
-    for a table without this column, for an unknown frame, and for a number of two frames.
+    names: pairs of a name and its frame; of two frames with the same name, the last one counts. A
+    cell of the column `frame` is a name, with or without ending and folder, or a number. Raises
+    FormatError for a table without this column, an unknown frame, and a number of several frames.
     """
     if table.frames is None:
         raise FormatError(
@@ -124,8 +124,8 @@ def rows_of_frames(
         if len(fitting) > 1:
             meanings = " and ".join(f"frame {frame} ('{n}')" for frame, n in fitting.items())
             raise FormatError(
-                f"{at}: expected a number of one frame, got '{word[:40]}' for {meanings}; write "
-                f"names of clouds with their ending, such as {word}.pcd"
+                f"{at}: expected a number that fits one frame, got '{word[:40]}', which fits "
+                f"{meanings}; write names of clouds with their ending, such as {word}.pcd"
             )
         path = Path(word)
         words = (word, path.name, path.name.removesuffix(path.suffix))

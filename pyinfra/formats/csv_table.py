@@ -36,7 +36,7 @@ def plain_cell(text: str) -> str:
 
 
 def number_text(value: float, digits: int = 6) -> str:
-    """Returns a number for a table: whole numbers exactly, others with `digits` digits."""
+    """Returns the text of a number: whole numbers exact, others to `digits` significant digits."""
     whole = float(value).is_integer() and abs(value) < 2**53
     return f"{value:.0f}" if whole else f"{value:.{digits}g}"
 
@@ -63,7 +63,7 @@ def write_tables(
 
 
 def rounded(table: pd.DataFrame) -> pd.DataFrame:
-    """Returns a table of tracks for JSON: 1 mm, and four significant digits of variances."""
+    """Returns a table of tracks, rounded to 3 decimals, and variances to 4 significant digits."""
     variances = [name for name in table if re.search(r"_(var|cov)_", str(name))]
     exact = table[variances].map(lambda value: float(f"{value:.4g}"))
     return table.round(3).assign(**exact)
@@ -81,7 +81,9 @@ def read_csv(
     table = read_words(file)
     for name in required:
         if name not in table:
-            raise FormatError(f"{file}:1: expected the column {name}, got {', '.join(table)}")
+            raise FormatError(
+                f"{file}:1: expected the column {name}, got the columns {', '.join(table)}"
+            )
     columns = {
         name: column.where(column != "", np.nan) if name in words else numbers(file, column)
         for name, column in table.items()
@@ -92,7 +94,7 @@ def read_csv(
 def check_columns(
     file: Path, table: pd.DataFrame, known: Collection[str], suggested: Collection[str] = ()
 ) -> None:
-    """Raises FormatError for a column that is not known. suggested: names for the message."""
+    """Raises FormatError for a column that is not in `known`. suggested: names for the message."""
     for name in table:
         if name not in known:
             near = suggestion(name, suggested or known)
@@ -102,7 +104,7 @@ def check_columns(
 
 
 def expect(file: Path, column: pd.Series, good: pd.Series, expected: str) -> None:
-    """Raises FormatError for the first row of a column that is not good."""
+    """Raises FormatError for the first row in which the mask `good` of a column is False."""
     if not good.all():
         row = int(good.to_numpy(bool).argmin())
         value = column.iloc[row]

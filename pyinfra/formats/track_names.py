@@ -33,7 +33,7 @@ def names_in_frame(words: Sequence[object], places: Sequence[str]) -> list[str]:
     """Returns the names of the tracks of a frame's objects, each name once.
 
     An object whose track is unknown, or is also that of another object of the frame, gets its place
-    as its name. `places` says where each object is, and differs in all frames.
+    as its name. `places` are texts such as `FILE: object 3`, which are unique in a recording.
     """
     names = [track_name(word) for word in words]
     count = Counter(names)

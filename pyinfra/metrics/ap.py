@@ -224,9 +224,9 @@ def _some_points(ranking: Ranking) -> IntArray:
 
 
 def _highest_from(precision: FloatArray, at: IntArray) -> FloatArray:
-    """Returns the highest precision in row d at or after column at[d, j]: (d, j).
+    """Returns the highest precision from each column of `at` to the end of its row: (d, r).
 
-    precision: (d, k). at: (d, j), ascending along j.
+    precision: (d, k). at: (d, r) column numbers, ascending in each row.
     """
     rows, points = precision.shape
     padded = np.pad(precision, ((0, 0), (0, 1)))  # the added column is for recalls not reached

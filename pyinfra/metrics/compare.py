@@ -93,7 +93,7 @@ def _pairs(
 def _by_distance(
     pairs: Sequence[tuple[Evaluation, Evaluation]], firsts: Sequence[pd.Series]
 ) -> pd.DataFrame:
-    """Returns the differences in rings. firsts: the row of AP of the first of each pair."""
+    """Returns the differences in rings. firsts: the AP row of each pair's first evaluation."""
     subset = str(firsts[0].ground_truth)
     rings = [(x.rings(subset), y.rings(subset)) for x, y in pairs]
     common = [ring for ring in rings[0][0] if all(ring in one for pair in rings for one in pair)]

@@ -1,4 +1,4 @@
-"""The result of an evaluation: its tables, and what users do with them."""
+"""The result of an evaluation: its tables, and methods that save, plot and print them."""
 
 from __future__ import annotations
 
@@ -89,8 +89,8 @@ class Evaluation(Presented):
         """Writes the tables as CSV files to a folder, and returns the files."""
         path = path_of(folder, "folder")
         with alone(path):
-            # Old files are removed first, so that none remains next to the new AP, also if this
-            # evaluation has no such table, or the process is interrupted.
+            # Old files are removed first. Otherwise they could remain next to the new AP if this
+            # evaluation has no such table, or if the process is interrupted.
             for name in ("replicates", *OPTIONAL):
                 existing(path / f"{name}.csv").unlink(missing_ok=True)
             return write_tables(path, self.tables())

@@ -1,4 +1,4 @@
-"""Tables of an evaluation.
+"""Computes the tables of an evaluation.
 
 AP and shares are 0 to 100. Columns with low and high in their names are the ends of 95 % intervals.
 """

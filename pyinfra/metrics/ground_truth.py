@@ -91,7 +91,7 @@ class GroundTruth:
             return places.inside & (vehicles.points >= min_points)
         if not self.has_objects:
             raise Error(
-                f"{self.folder}: objects: expected this folder, got none; without it, only the "
+                f"{self.folder}: expected a folder `objects`, got none; without it, only the "
                 "ground-truth subset `captured` can be evaluated"
             )
         if which == "present":
@@ -203,7 +203,7 @@ def with_unreached(vehicles: Vehicles, others: Vehicles) -> Vehicles:
 def _unknown(vehicles: Vehicles, others: Vehicles) -> BoolArray:
     """Returns which rows of `others` have no row of the same frame and id in `vehicles`: (n,).
 
-    A row without an id (-1) has none.
+    A row without an id (-1) counts as having no such row.
     """
     base = 2 + max(vehicles.ids.max(initial=0), others.ids.max(initial=0))
     keys, known = (v.frame * base + v.ids + 1 for v in (others, vehicles))

@@ -48,7 +48,7 @@ class Blocks:
 
     frames: IntArray  # (f,) frame numbers, ascending
     slot: IntArray  # (f,) time slot of each frame, 0 to n - 1
-    replicates: IntArray  # (d, n) times that a replicate contains a slot; d = 0 for too few blocks
+    replicates: IntArray  # (d, n) how often a replicate contains a slot; d = 0 for too few blocks
     length: int  # number of slots in a block
     block_s: float
 

@@ -12,7 +12,7 @@ boxes.
   not meet these conditions.
 - A cluster is *found* if a box overlaps it, or if the centre of a box is within NEAR_M.
 - A box *flickers* if neither the previous nor the next frame has a box of the same object.
-- A frame with a fault of the sensor (dataset/health.py) counts as if nothing in it were right.
+- A frame with a fault of the sensor (dataset/health.py) counts with the worst value of a share.
   Otherwise a fault could raise a measure, because a damaged cloud has fewer clusters to find.
 - A box *stands* if boxes are at its position in at least HALF of all frames and less than HALF of
   these boxes are confirmed. Hedges, rails and parked vehicles cause standing boxes.
@@ -131,7 +131,7 @@ def trust(
 def refusal(
     frames: Sequence[int], period_s: float, faulty: Collection[int], *, has_region: bool
 ) -> str:
-    """Returns why the measures would say nothing about these frames; empty if they do."""
+    """Returns why the measures would be meaningless for these frames, else an empty text."""
     seconds = (frames[-1] - frames[0] + 1) * period_s if frames else 0.0
     if seconds < LEAST_S:
         return f"expected a recording of {LEAST_S:g} s or more, got {seconds:.3g} s"

@@ -184,7 +184,7 @@ class _ObjectTable(Rows):
 
     keys: IntArray  # (n, 2) frame and id of each object
     values: FloatArray  # (n, 6) x y z distance speed visibility
-    points: IntArray  # (n, 2) number of points on the vehicle, and of those in its box
+    points: IntArray  # (n, 2) points on the vehicle, and points on the vehicle in its box
 
 
 def _read_objects(data: DataSet, lidar: int, level: float | None) -> _ObjectTable:

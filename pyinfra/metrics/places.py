@@ -32,8 +32,8 @@ REQUIRED = (
     *("ground_truth", "measure", "value", "blocks"),
     *("vehicles_digest", "frames", "replicates"),
 )
-# Subsets that can be compared between mounts, the best one first. Only `present` is the same for
-# all mounts of a region: `all` has no vehicle that is hidden from its mount.
+# Subsets that can be compared between mounts, the preferred one first. Only `present` is the same
+# for all mounts of a region: `all` has no vehicle that is hidden from its mount.
 COMPARABLE: tuple[Subset, ...] = ("present", "all")
 COLUMNS = ["place", "minus", "measure", "value", "low", "high", "seeds", "frames"]
 
@@ -85,7 +85,7 @@ def compare_places(folders: Sequence[Path], which: Subset | None = None) -> pd.D
 
 
 def shared_subset(folders: Sequence[Path]) -> Subset:
-    """Returns the first subset of COMPARABLE that all evaluations have, or `present` if none is.
+    """Returns the first subset of COMPARABLE that all evaluations have; `present` without one.
 
     Raises FileNotFoundError for a folder without an evaluation.
     """
@@ -130,7 +130,7 @@ def read_place(folder: Path, which: Subset) -> Place:
 
 
 def _files(folder: Path) -> list[Path]:
-    """Returns the replicates of a place, one file for each seed. Raises FileNotFoundError."""
+    """Returns the files replicates.csv of a place, one for each seed. Raises FileNotFoundError."""
     files = [existing(folder / "replicates.csv")]
     if not files[0].is_file():
         files = sorted(existing(ap.with_name("replicates.csv")) for ap in folder.glob("*/ap.csv"))

@@ -52,7 +52,7 @@ def errors_of(predictions: Predictions, vehicles: Vehicles) -> Iterator[tuple[st
 def _elsewhere(
     boxes: FloatArray, truth: FloatArray, p: IntArray, v: IntArray, share: float
 ) -> tuple[str, str] | None:
-    """Returns the name and text of a warning about the positions of predictions; None if good.
+    """Returns the name and text of a warning about the positions of predictions, or None.
 
     The text names the change of axes, or the shift, that moves the predictions near vehicles.
     """

@@ -28,7 +28,7 @@ def prediction_table(pred: object, frames: Sequence[int]) -> pd.DataFrame:
     Parameters
     ----------
     pred : a table, a dict from frame numbers to the boxes of a frame, or a list with the boxes of
-        each frame; boxes are any value of `box_table`. One frame may also have its boxes alone
+        each frame; boxes are any value of `box_table`. For one frame, its boxes alone are enough
     frames : numbers of the evaluated frames
 
     Raises

@@ -110,7 +110,7 @@ def quality(vehicles: Observations, blocks: Blocks, edges: FloatArray = EDGES_M)
 
 
 def only_one(vehicles: Observations, blocks: Blocks, from_m: float = FAR_M) -> pd.DataFrame:
-    """Returns the number of vehicles beyond a distance that only one LiDAR hit.
+    """Returns for each LiDAR how many vehicles beyond a distance only this LiDAR hit.
 
     Columns: lidar, from_m, vehicles, hit_alone (by this LiDAR only), share_percent (hit_alone of
     all vehicles), ci_low, ci_high, hit_by_another_only (by another LiDAR, not by this one).

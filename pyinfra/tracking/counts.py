@@ -1,4 +1,4 @@
-"""`pyinfra.count`: what tracks say of the traffic, by movement, line, lane, class and interval."""
+"""`pyinfra.count`: traffic statistics of tracks by movement, line, lane, class and interval."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def count(
 def recording(
     table: pd.DataFrame, frames: FrameSequence | None, start_s: float | None, end_s: float | None
 ) -> tuple[float, float]:
-    """Returns the start and end of a recording: those given, of its frames or of its tracks."""
+    """Returns start and end of a recording: as given, else of its frames, else of its tracks."""
     first, last = (float(table.t_s.min()), float(table.t_s.max())) if len(table) else (0.0, 0.0)
     start, end = first, last
     if frames is not None and len(frames):
@@ -189,7 +189,7 @@ def flows(passed: pd.DataFrame, start: float, end: float, interval_s: float) -> 
     keys = ["start_s", "line", "direction", "lane", "type"]
     table = in_intervals(passed, start, end, interval_s)
     table = table.assign(over_s=table.length_m / np.maximum(table.speed_km_h / KM_H, 0.5))
-    groups = table.groupby(keys, sort=True)  # passages without a speed take the mean time
+    groups = table.groupby(keys, sort=True)  # passages without a speed get the mean over_s
     out = groups.agg(
         count=("id", "size"),
         mean_km_h=("speed_km_h", "mean"),
@@ -235,5 +235,5 @@ def in_intervals(table: pd.DataFrame, start: float, end: float, interval_s: floa
 
 
 def seconds_of(table: pd.DataFrame, end: float, interval_s: float) -> pd.Series:
-    """Returns the recorded seconds of each row's interval; the last one may be shorter."""
+    """Returns the recorded seconds of each row's interval; the last interval may be shorter."""
     return np.minimum(interval_s, np.maximum(end - table.start_s, 1e-3))

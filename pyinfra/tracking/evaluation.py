@@ -31,7 +31,7 @@ _RISE = 5  # number of frames on each side of a frame over which the true speed 
 
 
 class UnknownIds(Error):
-    """The ids of vehicles do not say which boxes are those of one vehicle."""
+    """Raised if the ids do not show which boxes belong to the same vehicle."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -126,13 +126,13 @@ def in_frames(tracks: pd.DataFrame, frames: FrameSequence) -> pd.DataFrame:
     """
     check_columns(tracks, _NEEDED, "tracks")
     if len(other := np.setdiff1d(tracks.frame, frames.numbers)):
-        raise Error(f"tracks: frame: expected frames of `frames`, got {other[0]}")
+        raise Error(f"tracks: frame: expected frame numbers of `frames`, got {other[0]}")
     ordered = tracks.sort_values("frame", kind="stable", ignore_index=True)
     return ordered.assign(t_s=(ordered.frame + 0.5) * frames.period_s)
 
 
 def check_ids(vehicles: pd.DataFrame) -> None:
-    """Raises UnknownIds for vehicles without ids, and for ids that are not of one vehicle."""
+    """Raises UnknownIds for vehicles without ids, and for an id that a frame has twice."""
     unknown, twice = vehicles.id < 0, vehicles.duplicated(["frame", "id"])
     if (unknown | twice).any():
         row = vehicles[unknown | twice].iloc[0]
@@ -235,7 +235,7 @@ def false_tracks(ids: IntArray, of_none: BoolArray) -> int:
 def compare_passages(
     truth: pd.DataFrame, tracks: pd.DataFrame, lines: Sequence[Line], seconds: float
 ) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Returns the counts by movement, the passages with `true_id`, and the missed true ones."""
+    """Returns the counts by movement, the passages with `true_id`, and missed true passages."""
     real, found = passages(truth, lines), passages(tracks, lines)
     found = found.assign(true_id=-1)
     matched: list[int] = []  # rows of true passages

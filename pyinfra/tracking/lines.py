@@ -1,4 +1,4 @@
-"""Lines across roads at which tracks are counted: drawn by the user, or of the site's roads."""
+"""Lines across roads at which tracks are counted: drawn by the user, or made from roads."""
 
 import itertools
 import os
@@ -66,7 +66,7 @@ class Line:
         return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
 
     def distance(self, xy: FloatArray) -> FloatArray:
-        """Returns the distances (n,) of positions (n, 2)."""
+        """Returns the distances (n,) of positions (n, 2) from the line."""
         start, along = np.array(self.start), np.subtract(self.end, self.start)
         share = np.clip((xy - start) @ along / self.length_m**2, 0, 1)
         return np.asarray(np.hypot(*(xy - start - share[:, None] * along).T))
@@ -106,7 +106,7 @@ def lines_of(site: AnyLines) -> list[Line]:
 
 
 def _ends(name: str, ends: npt.ArrayLike) -> FloatArray:
-    """Returns the points of a line as an array. Raises Error for other values than numbers."""
+    """Returns the points of a line as an array. Raises Error for values that are not numbers."""
     try:
         return np.asarray(ends, np.float64)
     except (TypeError, ValueError):
@@ -134,7 +134,7 @@ def read_lines(file: Path) -> list[Line]:
 
 
 def drawn(ends: Mapping[str, FloatArray]) -> list[Line]:
-    """Returns lines by name. Directions are compass names of the levelled frame: x is E, y is N."""
+    """Returns lines from names and end points. Directions are compass points: x is E, y is N."""
     lines = []
     for name, points in ends.items():
         if points.shape != (2, 2):
@@ -205,7 +205,7 @@ def _across(road: Road, s: float, sign: int, pose: object, group: str) -> Line:
     index = int(np.abs(road.s - s).argmin())
     heading = float(road.heading[index]) + (0 if sign > 0 else np.pi)
     left = np.array([-np.sin(heading), np.cos(heading)]) * (road.half_width[index] + 1)
-    # The line starts on the left as seen along `heading`, so `heading` points to its left side.
+    # Seen along `heading`, the line runs from left to right, so `heading` points to its left side.
     ends = to_levelled(np.array([road.xy[index] + left, road.xy[index] - left]), pose)  # type: ignore[arg-type]
     start, end = ((float(x), float(y)) for x, y in ends)
     ahead, back = compass(heading), compass(heading + np.pi)
@@ -214,7 +214,7 @@ def _across(road: Road, s: float, sign: int, pose: object, group: str) -> Line:
 
 
 def _crossing(a: Road, b: Road) -> tuple[int, int] | None:
-    """Returns the indices of the nearest points of two roads that cross; None for others.
+    """Returns the indices of the nearest points of two roads that cross; None if they do not.
 
     A road also crosses another if it ends on the other's carriageway, as at a T.
     """

@@ -47,7 +47,7 @@ _SHOWN = [
 
 @dataclass(frozen=True)
 class Arrival:
-    """A frame that has arrived: its content, when, and how many frames before it were dropped."""
+    """A frame that has arrived: content, time, and number of frames dropped before it."""
 
     item: Any
     arrived_s: float  # time of arrival, from time.time()
@@ -91,7 +91,7 @@ def new_clouds(folder: Path, *, idle_s: float = np.inf) -> Iterator[Arrival]:
 
 
 def _clouds(folder: Path) -> set[str]:
-    """Returns the names of clouds; hidden files are still being written."""
+    """Returns the names of clouds, without hidden files, which are still being written."""
     names = {file.name for file in folder.iterdir() if file.suffix.lower() in CLOUDS}
     return {name for name in names if not name.startswith(".")}
 
@@ -172,7 +172,7 @@ def boxes_of_line(line: str) -> tuple[float, Boxes]:
     Raises FormatError.
     """
     try:
-        value = json.loads(line.removeprefix("\ufeff"))  # some programs begin with this mark
+        value = json.loads(line.removeprefix("\ufeff"))  # some programs write this mark first
         time_s, rows = float(value["t_s"]), list(value["boxes"])
         table = pd.DataFrame(rows, columns=["type", *BOX, "score"])
         table[[*BOX, "score"]] = table[[*BOX, "score"]].astype(float)

@@ -14,9 +14,9 @@ COLUMNS = ["id", "type", "movement", "start", "end", "t_s", "travel_s"]
 def movements(passages: pd.DataFrame, lines: Sequence[Line]) -> pd.DataFrame:
     """Returns one row per track that passes a line, ordered by time.
 
-    The movement of a track is from the first to the last line that it passes. On a line that
-    stands alone it is the line and the direction, in brackets if a line has its name. `travel_s` is
-    the time between both lines.
+    The movement of a track is from the first to the last line that it passes. If both are one
+    line that belongs to no junction, the movement is from the line to the direction. A direction is
+    in brackets if a line has the same name. `travel_s` is the time between both lines.
     """
     groups = {line.name: line.group for line in lines}
     rows = []

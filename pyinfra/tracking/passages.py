@@ -23,7 +23,7 @@ UNSEEN_S = 1.5
 def passages(tracks: pd.DataFrame, lines: Sequence[Line]) -> pd.DataFrame:
     """Returns the passages of tracks over lines, ordered by time.
 
-    A track passes a line at most once: going back and forth over it cancels. Only vehicles have
+    A track passes a line at most once: a passage and a passage back cancel out. Only vehicles have
     lanes and headways; the lane of people is 0. Passages without boxes near them are `unseen`, and
     have no speed.
 
@@ -77,7 +77,7 @@ def _unseen(rows: pd.DataFrame) -> BoolArray:
 def _crossings(
     values: FloatArray, ids: IntArray, line: Line
 ) -> tuple[IntArray, FloatArray, IntArray, FloatArray] | None:
-    """Returns row before the passage, share of the step, sign, and offset along the line."""
+    """Returns the row before each passage, share of the step, sign, and offset along the line."""
     start, end = np.array(line.start), np.array(line.end)
     along = (end - start) / line.length_m
     left = np.array([-along[1], along[0]])
@@ -115,7 +115,7 @@ def _lanes(offset: FloatArray, sign: int) -> IntArray:
 
 
 def with_headways(table: pd.DataFrame) -> pd.DataFrame:
-    """Adds the time to the vehicle before in the lane: centre to centre, and without its length."""
+    """Adds times to the previous vehicle of the lane: between centres, and without its length."""
     lanes = [table.line, table["sign"], table.lane.where(table.lane > 0)]
     headway = table.t_s.groupby(lanes).diff()
     passing_s = table.length_m / np.maximum(table.speed_km_h / KM_H, 0.5)

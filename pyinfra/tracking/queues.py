@@ -31,10 +31,10 @@ def queues(
 ) -> pd.DataFrame:
     """Returns the queues by interval and line.
 
-    A queue are the standing vehicles before a line, within its width, each with at most GAP_M
-    between its front and the line or the vehicles before it. Its length is from the line to the
-    centre of the last vehicle. Means are those of all frames between start_s and end_s: a frame
-    without tracks has no queue.
+    A queue consists of the standing vehicles before a line, within its width. The gap from the
+    front of each vehicle to the line, or to the vehicles before it, is at most GAP_M. The length of
+    a queue is from the line to the centre of the last vehicle. Means are over all frames from
+    start_s to end_s; a frame without tracks has no queue.
     """
     times = np.unique(tracks.t_s.to_numpy(np.float64))
     step_s = np.median(np.diff(times)) if len(times) > 1 else np.inf

@@ -30,7 +30,7 @@ class Boxes(Rows):
 
     @property
     def scores(self) -> FloatArray:
-        """(n,) the probability, 0 to 1, that there is an object: the types exclude each other."""
+        """(n,) probability of an object, 0 to 1: the sum over the types, which are exclusive."""
         return np.asarray(np.minimum(self.votes.sum(axis=1), 1))
 
     @property

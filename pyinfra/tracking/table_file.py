@@ -25,7 +25,7 @@ def check_columns(table: pd.DataFrame, names: Collection[str], argument: str) ->
 
 
 def write_tracks(file: Path, tracks: pd.DataFrame) -> None:
-    """Writes a table of `track`."""
+    """Writes a table that `pyinfra.track` returned."""
     write_csv(file, with_time_text(tracks), NUMBER_FORMAT)
 
 

@@ -77,8 +77,8 @@ class TrackSettings:
 class Tracker:
     """Turns the boxes of one frame after the other into tracks.
 
-    `tracks` are the tracks after the last frame, those that are not yet confirmed included. A box
-    is x y z dx dy dz heading, in the levelled LiDAR frame, metres and radians.
+    `tracks` are the tracks after the last frame, including those not yet confirmed. A box is
+    x y z dx dy dz heading, in the levelled LiDAR frame, metres and radians.
     """
 
     def __init__(self, settings: TrackSettings | None = None, view: View | None = None) -> None:
@@ -111,7 +111,7 @@ class Tracker:
         return self.tracks
 
     def _predict(self, time_s: float) -> None:
-        """Moves the tracks to a time. Those that end in skipped frames before it are left out."""
+        """Moves the tracks to a time, without the tracks that end in skipped frames before it."""
         before, self.time_s = self.time_s, time_s
         if before is None:
             return
@@ -160,7 +160,7 @@ class Tracker:
         return (yy * x**2 - 2 * xy * x * y + xx * y**2) / size, np.log(size)
 
     def _update(self, time_s: float, boxes: Boxes, track: IntArray, box: IntArray) -> None:
-        """Corrects the tracks by their boxes. The other tracks miss a frame."""
+        """Corrects the tracks by their boxes. Tracks without a box count a missed frame."""
         t, b = self.tracks, boxes.select(box)
         # The centre of a box is uncertain if the box is shorter than the track or not wholly in
         # the field of view.
@@ -188,7 +188,7 @@ class Tracker:
         t.odds[missing] -= np.where(t.hidden[missing], 0, MISSED)
 
     def _turn(self, track: IntArray, boxes: Boxes) -> None:
-        """Filters the headings. A moving vehicle faces where it drives, others do not flip."""
+        """Filters headings modulo half a turn. Boxes and motion decide which end is the front."""
         t = self.tracks
         off = wrapped(boxes.values[:, 6] - t.heading[track])
         flipped = np.abs(off) > np.pi / 2
@@ -205,7 +205,7 @@ class Tracker:
         t.heading[track] = wrapped(t.heading[track])
 
     def _birth(self, time_s: float, boxes: Boxes) -> None:
-        """Begins a track at each sure enough box that no track covers."""
+        """Begins a track at each box with a score of birth_score or more that no track covers."""
         boxes = boxes.select(boxes.scores >= self.settings.birth_score)
         boxes = boxes.select(~covered(boxes.values, self.tracks.boxes()))
         fast = by_kind(boxes.person, FAST_M_S)
@@ -242,7 +242,7 @@ class Tracker:
 
 
 def evidence(scores: FloatArray) -> FloatArray:
-    """Returns the log odds of calibrated scores. One box adds little, whatever its score."""
+    """Returns the log odds of calibrated scores, clipped so that a single box adds little."""
     return np.asarray(np.clip(logit(np.clip(scores, 0.01, 0.99)), -1.5, 1.5))
 
 
@@ -260,8 +260,8 @@ def covered(boxes: FloatArray, others: FloatArray) -> BoolArray:
 def doubled(t: Tracks) -> BoolArray:
     """Returns which tracks are a second track of an object that has been seen more often.
 
-    Such a track lies mostly in the other's box, or it drives so close before or behind the other
-    that no driver would: detectors return boxes at the ends of buses.
+    Such a track lies mostly in the other's box, or it drives closer to the other than drivers do.
+    The cause is that detectors return separate boxes at the ends of buses.
     """
     longer = t.boxes()
     longer[:, 3] += CLOSE_S * t.speed()

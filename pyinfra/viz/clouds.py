@@ -82,7 +82,7 @@ def read_snapshot(lidar_folder: Path, frame: int) -> Snapshot:
 
 
 def _region(lidar_folder: Path, lidar: kitti.Lidar) -> tuple[Drawn, float]:
-    """Returns the area of the roads, or of a recording's region file, and the z of the road."""
+    """Returns the outlines of the roads, or of a recording's region file, and the z of the road."""
     outline = lidar_folder / regions.REGION_FILE
     if lidar.preset != kitti.RECORDED or (lidar_folder.parent / "roads.csv").is_file():
         pose = lidar.T_world_levelled
@@ -99,7 +99,7 @@ def draw_frames(data_sets: Sequence[Sequence[Path]], frame: int, out: Path) -> l
 
     Returns the files.
 
-    data_sets: the LiDAR folders of each data set. Raises the exceptions of read_snapshot().
+    data_sets: for each data set, its LiDAR folders. Raises the exceptions of read_snapshot().
     """
     out.mkdir(parents=True, exist_ok=True)
     views = [[read_snapshot(folder, frame) for folder in folders] for folders in data_sets]
@@ -196,12 +196,12 @@ def bird_view(
 
 
 def region_window(view: Snapshot) -> DrawnArea:
-    """Returns the area around the region, or NEAR if no region is known; levelled frame."""
+    """Returns the area around the region, or around NEAR if it is unknown; levelled frame."""
     return window_around(view.region or [NEAR])
 
 
 def qualities(views: Iterable[Snapshot]) -> list[Quality]:
-    """Returns the box styles of vehicles, and PEOPLE if a view has pedestrians or cyclists."""
+    """Returns QUALITIES, and also PEOPLE if a view has pedestrians or cyclists: the box styles."""
     return [*QUALITIES, *([PEOPLE] if any(view.are_people.any() for view in views) else [])]
 
 

@@ -18,10 +18,10 @@ from pyinfra.viz.picture_style import COLOURS, STYLE
 from pyinfra.viz.scene_pictures import Scene
 
 DISTANCES_M = (20.0, 40.0, 60.0, 80.0, 100.0)
-NEAR_M = 8.0  # maximum difference between a vehicle's distance and a value of DISTANCES_M
+NEAR_M = 8.0  # maximum difference between a vehicle's distance and its value of DISTANCES_M
 CLASS, LEAST_VISIBILITY = "Car", 0.8
-# Margin around a box. In a frame without a `fields` file, points inside the margin belong to the
-# vehicle.
+# Margin around a vehicle's box. In a frame without a `fields` file, points in the margin are also
+# taken as points of the vehicle.
 MARGIN_M = 0.3
 ROAD_M = 0.1  # height above the bottom of a box below which points belong to the road
 # Viewing angles of a cut-out, seen from behind and from the right of the vehicle.
@@ -88,7 +88,7 @@ def cutouts(scene: Scene, frame: int) -> Figure:
 
 
 def choose_vehicles(scene: Scene, frame: int) -> list[Vehicle | None]:
-    """Returns a vehicle for each of DISTANCES_M; None if no vehicle is within NEAR_M of it.
+    """Returns for each of DISTANCES_M a vehicle whose distance differs by at most NEAR_M, or None.
 
     Only vehicles of CLASS with LEAST_VISIBILITY are candidates. The order of preference is:
 
@@ -116,8 +116,8 @@ def choose_vehicles(scene: Scene, frame: int) -> list[Vehicle | None]:
 def vehicle_points(lidar_folder: Path, vehicle: Vehicle) -> FloatArray:
     """Returns a vehicle's points (n, 3), relative to the centre of its box, x forward.
 
-    They are the points with the vehicle's object_id. If the frame has no `fields` file, or the
-    vehicle's id is unknown, they are the points above the road that are inside the box with a
+    These are the points with the vehicle's object_id. If the frame has no `fields` file, or the
+    vehicle's id is unknown, these are the points above the road that are inside the box with a
     margin of MARGIN_M.
     """
     velodyne = kitti.frame_file(lidar_folder, "velodyne", vehicle.frame)
@@ -177,16 +177,16 @@ def _draw_cutout(axes: Axes, box: FloatArray, points: FloatArray) -> None:
 def _corners(box: FloatArray) -> FloatArray:
     """Returns the corners (8, 3) relative to the box centre.
 
-    The bits of an index say whether the corner is ahead, left and up.
+    Bits of a corner's index that are 1 stand for front, left and top.
     """
     bits = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
     return np.asarray((bits - 0.5) * box[3:6])
 
 
 def _flat(points: Floats) -> FloatArray:
-    """Returns a parallel projection (n, 2) of points (n, 3).
+    """Returns a parallel projection (n, 2) of points (n, 3), which are relative to the box centre.
 
-    The origin is the box centre, and x is forward.
+    x of the points is forward.
     """
     across = np.cos(AROUND) * points[:, 0] - np.sin(AROUND) * points[:, 1]
     away = np.sin(AROUND) * points[:, 0] + np.cos(AROUND) * points[:, 1]

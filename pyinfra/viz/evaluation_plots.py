@@ -40,7 +40,7 @@ LABELS = {
 def draw_all(evaluation: Evaluation, out: Path) -> list[Path]:
     """Writes every figure as SVG and PNG; returns the files.
 
-    The plan is drawn only if roads exist.
+    The plan of the areas is drawn only if the roads are known.
     """
     parts = evaluation.distance_ap if evaluation.cells is None else evaluation.cells
     figures = {
@@ -113,8 +113,8 @@ def areas_plan(
 ) -> Figure:
     """Draws the areas on the plan of the road, in the world frame.
 
-    A window is drawn as a piece of road of 5 m around the middle of the window. distance: windows
-    or cells of one LiDAR. sensor: x and y in the world frame, drawn as a triangle.
+    A window is drawn as 5 m of road around the middle of the window. distance: rows of one LiDAR,
+    of windows or square cells. sensor: x and y in the world frame, drawn as a triangle.
     """
     with mpl.rc_context(STYLE), sns.axes_style("white"):
         points = np.concatenate([road.xy for road in roads])
@@ -153,7 +153,7 @@ def _piece(road: Road, middle: float) -> np.ndarray[Any, Any]:
 def _panels(
     table: pd.DataFrame, size: tuple[float, float], down: str | None = None
 ) -> tuple[Figure, Iterator[tuple[Axes, pd.DataFrame]]]:
-    """Returns a figure with a column per ground truth and a row per value of `down`.
+    """Returns a figure with a column per ground truth and a row per value of column `down`.
 
     The second value is an iterator over pairs of axes and their rows of the table.
     """

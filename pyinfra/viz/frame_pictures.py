@@ -15,8 +15,8 @@ from pyinfra.viz.picture_style import save
 def draw_pictures(data: Sequence[Path], frame: int | None, out: Path) -> list[Path]:
     """Writes all pictures of one frame of data sets, and returns the files.
 
-    frame: by default the first of the first data set. Raises Error for a frame that a data set does
-    not have.
+    frame: by default the first frame of the first data set. Raises Error for a frame that a data
+    set does not have.
     """
     data_sets = [lidar_folders(folder) for folder in data]
     for folders in data_sets:

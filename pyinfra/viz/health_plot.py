@@ -1,4 +1,4 @@
-"""Draws the health of a recording by frame."""
+"""Draws the health of a recording (points, tilt, lost sectors) by frame."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Writes a page whole, or not at all if it is too large."""
+"""Writes an HTML page, unless it is too large or would replace another kind of file."""
 
 from pathlib import Path
 
@@ -7,9 +7,9 @@ from pyinfra.core.files import check_output, write
 
 
 def check_file(out: Path, begins: bytes = b"<!doctype html") -> None:
-    """Raises Error if `out` is a folder, or a file that does not begin like a page.
+    """Raises Error if `out` is a folder, or a file that is not an earlier output.
 
-    begins: first bytes of an output that is not a page.
+    begins: first bytes of an earlier output; by default those of a page.
     """
     if out.is_dir():
         raise Error(f"out: expected the name of a file, got the folder {out}")

@@ -55,9 +55,10 @@ PEOPLE = Quality("people", np.inf, "#009E73", "-", 1.1)
 
 
 def in_chart(low: pd.Series, drawn: pd.Series) -> pd.Series:
-    """Returns which intervals end above the floor of a logarithmic chart of positive values.
+    """Returns which intervals have a lower end that a logarithmic chart can show.
 
-    low: lower ends of the intervals; drawn: all values of the chart.
+    The chart is assumed to begin at half its smallest positive value. low: lower ends of the
+    intervals. drawn: all values of the chart.
     """
     return low > 0.5 * drawn[drawn > 0].min()
 
@@ -73,7 +74,7 @@ def save(figure: Figure, file: Path, dpi: int = DPI) -> None:
 
 
 def _palette() -> Image.Image:
-    """Returns the palette: greys, the region's colour, and steps from each colour to white."""
+    """Returns the palette: greys, the region's colour, and for each colour its tints to white."""
     greys = np.repeat(np.linspace(0, 1, 32)[:, None], 3, axis=1)
     lines = np.array([to_rgb(c) for c in (*(look.colour for look in QUALITIES), *COLOURS)])
     steps = [1 - share * (1 - lines) for share in (1.0, 0.8, 0.6, 0.4)]

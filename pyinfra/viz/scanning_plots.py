@@ -72,7 +72,10 @@ def points_per_vehicle(table: pd.DataFrame) -> Figure:
 
 
 def quality(table: pd.DataFrame) -> Figure:
-    """Draws stacked shares of missed, low, medium and high vehicles by distance, set `common`."""
+    """Draws stacked shares of vehicles of set `common` by quality and distance.
+
+    The qualities are missed, low, medium and high, by number of points.
+    """
     table = table[(table["set"] == "common") & (table.quality != "hit")]
     # The row that covers all distances is not drawn.
     first_m, last_m = table.from_m.min(), table.to_m.max()
@@ -214,7 +217,7 @@ def _data_sets(table: pd.DataFrame) -> Any:
 def panels(
     columns: Any, rows: Any, size: tuple[float, float], more: tuple[float, float] = (1.2, 0.0)
 ) -> tuple[Figure, Iterator[tuple[Axes, Any, Any]]]:
-    """Returns a figure and its grid of axes, each with the name of its column and row.
+    """Returns a figure, and its axes, each with the names of the column and row of its panel.
 
     size: width and height of a panel. more: width and height of the legend.
     """

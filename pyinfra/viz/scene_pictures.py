@@ -51,7 +51,7 @@ class Scene:
     """A data set without its frames."""
 
     name: str
-    folders: tuple[Path, ...]  # folder of each LiDAR
+    folders: tuple[Path, ...]  # folder of each LiDAR in the data set
     lidars: tuple[kitti.Lidar, ...]
     tilts: tuple[kitti.Tilt, ...]
     around: Surroundings

@@ -89,7 +89,7 @@ def save_plan(folder: Path, out: Path, radius_m: float | None = None) -> None:
 
 
 def plan(folder: Path, radius_m: float | None = None) -> Figure:
-    """Draws the site: its lanes and 20 m around them, or ±radius_m around the first mount."""
+    """Draws the lanes and 20 m around them, or a square of ±radius_m around the first mount."""
     scene = read_scene(folder)
     lanes = read_lanes(folder / scene["lanes"])
     points = np.concatenate(list(lanes.values()))[:, :2]

@@ -33,7 +33,7 @@ ROW_HALF_M = {True: 1.0, False: 2.3}
 
 
 def write_sites(out: Path, count: int, seed: int) -> list[Path]:
-    """Writes generated sites as scene files, and the sheet of the first; returns the files."""
+    """Writes generated sites as scene files, and a sheet of the first sites; returns the files."""
     out.mkdir(parents=True, exist_ok=True)
     sites = [make_site(number) for number in track(range(seed, seed + count), "site")]
     files = [out / f"{site['name']}.yaml" for site in sites]

@@ -33,7 +33,7 @@ svg{max-width:100%;height:auto}
 
 
 def write_page(counts: Counts, out: Path, *, title: str = "Traffic") -> None:
-    """Writes one HTML file without references to other files. Raises Error for a folder."""
+    """Writes one HTML file without references to other files. Raises Error if `out` is a folder."""
     check_file(out)
     moved = counts.movements.groupby("movement", as_index=False)[["count"]].sum()
     moved["flow_per_h"] = 3600 * moved["count"] / max(counts.seconds, 1e-3)
@@ -118,7 +118,7 @@ def _arrow(ax: Axes, lines: dict[str, Line], row: Any, most: int) -> None:
 
 
 def _axis(line: Line) -> tuple[FloatArray, FloatArray]:
-    """Returns the direction (2,) from start to end, and the middle (2,)."""
+    """Returns the direction (2,) from the start to the end of a line, and its middle (2,)."""
     start, end = np.array(line.start), np.array(line.end)
     return (end - start) / line.length_m, (start + end) / 2
 
@@ -143,7 +143,7 @@ def speed_plots(counts: Counts) -> Figure:
 
 
 def _svg(figure: Figure) -> str:
-    """Returns a figure as an svg element, the same for the same counts."""
+    """Returns a figure as an svg element. Equal counts always give the same text."""
     with mpl.rc_context({**STYLE, "svg.hashsalt": "counts"}), io.StringIO() as text:
         figure.savefig(text, format="svg", metadata={"Date": None})
         return text.getvalue().partition("<svg")[2].join(["<svg", ""])

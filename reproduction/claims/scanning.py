@@ -77,7 +77,7 @@ def never(_low: float, _high: float) -> str:
 def claims(exact: Observations, instant: Observations, blocks: Blocks) -> list[Row]:
     """Returns all tested claims for the vehicles of one data set, which has the paper's LiDARs.
 
-    exact, instant: the same frames with aggregation `exact` and `instant`
+    exact, instant: observations of the same frames with aggregation `exact` and `instant`
     """
     common, view = exact.select(exact.common()), exact.select(exact.view())
     return [
@@ -94,7 +94,7 @@ def claims(exact: Observations, instant: Observations, blocks: Blocks) -> list[R
 
 
 def far_range(vehicles: Observations, blocks: Blocks, name: str) -> Row:
-    """Compares points per far vehicle between the Avia and the best other LiDAR."""
+    """Compares points per far vehicle of the Avia with the most that a spinning LiDAR has."""
     avia, others = vehicles.column(AVIA), [vehicles.column(x) for x in SPINNING]
 
     def statistic(sums: FloatArray) -> FloatArray:
@@ -122,7 +122,10 @@ def lines_ratio(
 
 
 def gentle(vehicles: Observations, blocks: Blocks) -> Row:
-    """Compares the smallest decay exponent of the spinning LiDARs with the Avia's exponent."""
+    """Compares how fast points per vehicle fall with distance (decay exponent), by LiDAR.
+
+    The smallest exponent of the spinning LiDARs is compared with the Avia's exponent.
+    """
     avia, others = vehicles.column(AVIA), [vehicles.column(x) for x in SPINNING]
 
     def statistic(sums: FloatArray) -> FloatArray:
@@ -186,7 +189,7 @@ def _apv_ratio(
     span: tuple[float, float],
     inside: tuple[float, float],
 ) -> Row:
-    """Tests the ratio of the mean points per vehicle of two LiDARs; `vehicles` is `common`."""
+    """Tests the ratio of the mean points per vehicle of two LiDARs, for the subset `common`."""
     above, below = (vehicles.column(name) for name in pair)
     estimate = _span(
         vehicles, blocks, span, lambda s: ratio(s[..., 0, above, 0], s[..., 0, below, 0])

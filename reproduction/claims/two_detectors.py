@@ -22,10 +22,12 @@ CASE = ["claim", "scene", "preset", "label_time", "subset", "law_exponent"]
 
 
 def combined(verdicts: Sequence[str]) -> str:
-    """Returns the verdict of both detectors. verdicts: those of the detectors that were measured.
+    """Returns the combined verdict of both detectors.
 
-    If both are decided and differ, the verdict depends on the detector. If one is not decided, the
-    verdict is not decided: `undecided` if further replicates may decide it, else `not known`.
+    If both verdicts are decided and differ, the result is DEPENDS. If one of them is not decided,
+    the result is `undecided` if further replicates may decide it, else `not known`.
+
+    verdicts: one verdict of each detector that was measured
     """
     known = [verdict for verdict in verdicts if verdict != TOO_FEW]
     if len(known) < len(PRIMARY):
@@ -40,9 +42,9 @@ def combined(verdicts: Sequence[str]) -> str:
 
 
 def of_both(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
-    """Yields a row for each case of the primary detectors. rows: claims of single detectors.
+    """Yields a row with the combined verdict for each case (columns CASE).
 
-    `replicates` is the smaller number of the two detectors.
+    `replicates` is the smaller number of the two detectors. rows: claims of single detectors.
     """
     primary = rows[rows.primary]
     for key, part in primary.groupby(CASE, sort=False):
@@ -56,7 +58,7 @@ def of_both(rows: pd.DataFrame) -> Iterator[dict[str, object]]:
 
 
 def undecided(rows: pd.DataFrame) -> Iterator[str]:
-    """Yields the words of `experiments` for each case that further replicates may decide.
+    """Yields the options of `reproduction experiments` for each row without a decided verdict.
 
     rows: claims of single detectors
     """

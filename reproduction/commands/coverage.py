@@ -153,7 +153,7 @@ def ranking(t: Traffic, boxes: ScoredBoxes, first: int, blocks: intervals.Blocks
 def figures(
     t: Traffic, by_detector: dict[str, ScoredBoxes], span_s: int, length_s: float
 ) -> dict[str, Bootstrapped]:
-    """Returns the AP of each detector and two differences, over the last `span_s` of a run."""
+    """Returns the AP of each detector and two AP differences, over the last `span_s` of a run."""
     first = round((RUN_S - span_s) / APART_S)
     frames = np.arange(round(span_s / APART_S))
     blocks = intervals.time_blocks(frames, APART_S, block_s=length_s, replicates=REPLICATES)

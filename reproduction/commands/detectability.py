@@ -2,9 +2,9 @@
 
 The command simulates generated sites from several poses each, with labels at the time of the scan,
 and runs the pretrained detector and Background. It stores a file for each run in --work. Run it
-again to resume. It fits the laws on the sites of --fit, and checks AP and recall on the sites of
---check. There, the prediction and the measurement use different traffic. With `--fit 0` it checks
-the laws of the package. It writes
+again to resume. The laws are the fitted formulas for found objects and for false boxes. The command
+fits them at the sites of --fit, and checks AP and recall at the sites of --check. There, prediction
+and measurement use different traffic. With `--fit 0` it checks the laws of the package. It writes
 
 - NAME.json, the file of pyinfra/experiments/planner, if there is a fit
 - NAME.csv, predicted and measured figures of each checked pose and traffic seed
@@ -45,13 +45,16 @@ from reproduction.detectability.runs import (
 
 REPLICATES = 40  # number of fits on resampled sites, from which intervals are computed
 FEW_SITES = 40  # number of sites below which the fit is marked as a pilot
-MOST_OBJECT_ROWS = 400  # maximum number of objects of one run in the fit; more of them add little
+MOST_OBJECT_ROWS = 400  # maximum number of objects of one run in the fit; more do not improve it
 
 
 def fit(
     runs: list[Run], detector: str, work: Path, *, person: bool
 ) -> dict[str, list[list[float]]]:
-    """Returns the coefficients of a class: fitted to all sites, then to resampled sites."""
+    """Returns the coefficients of each law: fitted to all sites, then to resampled sites.
+
+    person: fit the laws of pedestrians and cyclists instead of those of vehicles
+    """
     terms, scores, sites, false, seen, of_frames, of_site = [], [], [], [], [], [], []
     spinning = []
     rng = np.random.default_rng(1)
@@ -88,7 +91,7 @@ def fit(
 
 
 def stored(runs: list[Run], frames: int, work: Path) -> list[Run]:
-    """Measures runs that have no file yet and returns those of sites where it is possible."""
+    """Measures the runs that have no file yet; returns the runs without those of failed sites."""
     left_out = set()
     for run in runs:
         if run.site in left_out:
@@ -115,9 +118,9 @@ def main(
     Parameters
     ----------
     work : folder of the runs
-    fit : sites of the fit, 0 for no fit; default: 40
-    check : sites of the check; default: 12
-    frames : frames of a run; default: 30
+    fit : number of sites of the fit, 0 for no fit; default: 40
+    check : number of sites of the check; default: 12
+    frames : number of frames of a run; default: 30
     only_errors : only compute the errors at unseen sites again, from the recorded tables
     """
     warnings.simplefilter("ignore")
@@ -159,7 +162,7 @@ def with_errors(plain: dict[str, dict[str, Any]], table: pd.DataFrame) -> dict[s
 
 
 def fit_all(runs: list[Run], frames: int, work: Path) -> dict[str, dict[str, Any]]:
-    """Returns the content of the file of the laws, by detector."""
+    """Fits the laws of each detector; returns the content of their file, by detector."""
     plain: dict[str, dict[str, Any]] = {}
     sites = len({run.site for run in runs})
     for detector in DETECTORS:

@@ -1,4 +1,4 @@
-"""Measures pretrained detectors on the frozen test sites, paired with the first of them.
+"""Measures pretrained detectors on the frozen test sites, and differences to the first detector.
 
 The sites are those of `frozen_sites`, simulated by the present version: 60 sites (`plain`) and 20
 streets with much street furniture (`cluttered`).
@@ -51,7 +51,10 @@ MOST = {"ap_r1000": 100.0, "false_per_frame": np.inf}  # maximum of a figure, if
 
 
 def in_frame(sample: frozen_sites.TestSample, detections: Detections, kind: str) -> Matches:
-    """Returns scores (n,) and correctness (n,) of boxes of a kind, and the number of objects."""
+    """Returns scores (n,) and correctness (n,) of boxes of a kind, and the number of objects.
+
+    For `vehicle in a queue`, an entry is a vehicle instead of a box, and correct if it is found.
+    """
     if kind == QUEUES:
         wanted = sample.queues & (sample.numbers == 0) & sample.region.holds(sample.boxes, 0.0)
         shown = (detections.names == TYPES["vehicle"]) & (detections.scores >= CUT)
@@ -67,10 +70,7 @@ def in_frame(sample: frozen_sites.TestSample, detections: Detections, kind: str)
 def measured(
     networks: dict[str, Network], samples: Sequence[frozen_sites.TestSample]
 ) -> dict[Key, list[Matches]]:
-    """Returns the matches in each frame of a site, by digest of the model and kind of object.
-
-    For `vehicle in a queue` they are the objects: each is correct if it is found.
-    """
+    """Returns the results of `in_frame` for each frame of a site, by model digest and kind."""
     found: dict[Key, list[Matches]] = {}
     for digest, network in networks.items():
         for sample in samples:
@@ -100,7 +100,7 @@ def figures(matches: Boxes, kind: str, weights: IntArray) -> dict[str, FloatArra
 
 
 def rows(name: str, pooled: dict[Key, Boxes], names: dict[str, str]) -> Iterator[dict[str, object]]:
-    """Yields the rows of a set of sites. names: of the models, by digest"""
+    """Yields the rows of a set of sites. names: names of the models, by digest."""
     sites = len(next(iter(pooled.values())).frames)
     drawn = np.random.default_rng(1).multinomial(sites, np.ones(sites) / sites, REPLICATES)
     weights = np.concatenate([np.ones((1, sites), np.int64), drawn])

@@ -59,7 +59,7 @@ class Clock:
         return run
 
     def frame(self, detector: Detector, points: Points) -> None:
-        """Records the times of a frame. What remains beside the other parts counts as boxes."""
+        """Records the times of a frame. BOXES has the time that no other part has."""
         self.of_frame.clear()
         started = time.perf_counter()
         detector.predict(points)

@@ -6,12 +6,12 @@ therefore include the variation of traffic, noise and training. docs/verdict_rul
 rules of the study.
 
 With --cut-angles, the same trained detector is also tested on frames of spinning LiDARs whose cut
-angle is turned left by these degrees. With --training-cut-angles, it is trained on such frames; by
-default it is trained at the LiDAR's own cut angle.
+angle is turned left by each given angle (degrees). With --training-cut-angles, it is trained on
+such frames; by default it is trained at the LiDAR's own cut angle.
 
-With --law-exponents, the frames of training and test have this exponent of the law of range. The
-catalogue has 0.25 for LiDARs of which only one range is published, and 0.5 is the other end of what
-vendors publish.
+With --law-exponents, training and test frames use this exponent of the range law: the range is
+proportional to this power of the reflectance. The catalogue has 0.25 for LiDARs of which only one
+range is published, and 0.5 is the largest exponent that was fitted to published ranges.
 
 Rows are added to the output as they are made; existing rows are kept. Several processes can share
 the work.
@@ -113,7 +113,7 @@ class Replicate:
         return self.named(LIDARS)
 
     def named(self, lidars: Sequence[str]) -> list[str]:
-        """Returns the LiDARs of the scene in place of `lidars`, of which the Avia is a bundle."""
+        """Returns `lidars` with the scene's bundle of Avias, if there is one, for the Avia."""
         bundle = BUNDLES.get(self.scene)
         return [bundle if bundle and name == "livox_avia" else name for name in lidars]
 
@@ -141,7 +141,10 @@ def simulated(
 
 
 def turned(lidars: Sequence[Path], degrees: int, folder: Path) -> list[Path]:
-    """Writes LiDAR files with turned cut angles for the spinning LiDARs among data-set folders."""
+    """Writes a LiDAR file with a turned cut angle for each spinning LiDAR; returns the files.
+
+    lidars: the folders of the LiDARs in a data set
+    """
     folder.mkdir(parents=True, exist_ok=True)
     files = []
     for lidar in lidars:
@@ -172,7 +175,7 @@ def at_own_cut_angle(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def at_catalogue_law(table: pd.DataFrame) -> pd.DataFrame:
-    """Returns the rows of a table of experiments or claims with the catalogue's law of range."""
+    """Returns the rows of a table of experiments or claims with the catalogue's range law."""
     return table[table.law_exponent == LAW_EXPONENTS[0]]
 
 
@@ -270,12 +273,12 @@ def main(
     ----------
     work : working folder for frames, about 3 GB
     cut_angles : angles by which the cut angles of spinning LiDARs are turned left in the tests
-    training_cut_angles : as --cut-angles, of the frames of the training
-    law_exponents : of LiDARs of which only one range is published (default: that of the
-        catalogue)
+    training_cut_angles : as --cut-angles, for the training frames
+    law_exponents : exponents of the range law, for LiDARs of which only one range is published
+        (default: that of the catalogue)
     lidars : LiDARs to measure; the frames always have all of them
-    replicates : default: %(default)s
-    only : replicates (default: 1 to --replicates)
+    replicates : number of replicates (default: %(default)s)
+    only : numbers of the replicates to measure (default: 1 to --replicates)
     """
     numbers = only or range(1, replicates + 1)
     for scene, label_time, number, preset, exponent in itertools.product(

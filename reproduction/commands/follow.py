@@ -3,7 +3,7 @@
 The command simulates some seconds of a scene, and copies their clouds again and again into a folder
 at the LiDAR's rate, as a driver would. Old clouds are deleted. A second process follows the folder
 with the pretrained detector. The output has one row per ten minutes: delays from the arrival of a
-cloud to its line, dropped frames, and the memory of the process.
+cloud to the printed line of its tracks, dropped frames, and the memory of the process.
 
     python -m reproduction follow --work out/follow --minutes 60
 """
@@ -27,7 +27,7 @@ from reproduction.arguments import Out, Work, command
 FRAMES = 150  # number of simulated frames, which are written repeatedly
 KEPT = 20  # number of newest clouds that stay in the folder
 INTERVAL_MIN = 10.0
-LONGEST_START_S = 120.0  # maximum time until the first line
+LONGEST_START_S = 120.0  # maximum time until the process prints its first line
 
 
 @command
@@ -44,10 +44,10 @@ def main(
     Parameters
     ----------
     work : working folder for frames, about 1 GB
-    minutes : minutes (default: 60)
-    scene : scene (default: highway)
-    lidar : LiDAR (default: helios_16)
-    threads : of the detector (default: 1)
+    minutes : duration of the measurement in minutes (default: 60)
+    scene : name of the scene (default: highway)
+    lidar : name of the LiDAR (default: helios_16)
+    threads : threads of the detector (default: 1)
     """
     frames = pi.simulate(pi.load_scene(scene, seed=1), lidar, range(FRAMES))
     clouds = [frame.points[:, :4].astype("<f4").tobytes() for frame in frames]
@@ -71,7 +71,7 @@ def main(
 def followed(
     words: list[str], folder: Path, clouds: list[bytes], period_s: float, minutes: float
 ) -> Iterator[dict[str, float]]:
-    """Yields a row for each interval. words: the command that follows the folder."""
+    """Yields a row for each interval. words: arguments of the `pyinfra` that follows the folder."""
     command = [sys.executable, "-m", "pyinfra", *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         lines: list[tuple[float, float, int]] = []  # each line's arrival, delay and dropped frames
@@ -113,7 +113,7 @@ def read(process: subprocess.Popen[str], lines: list[tuple[float, float, int]]) 
 
 
 def written(folder: Path, clouds: list[bytes], number: int, period_s: float, now: float) -> int:
-    """Writes the next cloud, waits until the one after it is due, and returns its number."""
+    """Writes cloud `number`, waits until the next cloud is due, and returns the next number."""
     beside = folder / "writing"
     beside.write_bytes(clouds[number % len(clouds)])
     beside.rename(folder / f"{now:017.6f}.bin")

@@ -140,7 +140,7 @@ def row(folder: Path, arm: str, model: Path) -> dict[str, object]:
 
 
 def start_of(arm: str, model: Path) -> str:
-    """Identifies the weights that an arm starts from."""
+    """Returns the digest of the weights that an arm starts from, or `random`."""
     return "random" if arm == "site_trained" else checkpoint.digest(detect.model_file(model))
 
 

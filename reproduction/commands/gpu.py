@@ -280,10 +280,10 @@ def main(
     Parameters
     ----------
     work : working folder for frames, about 1 GB
-    device : default: a GPU
-    detectors : default: all
-    parts : default: all
-    seconds : longest time of all measurements
+    device : PyTorch device (default: a GPU if there is one)
+    detectors : detectors to measure (default: all)
+    parts : quantities to measure (default: all)
+    seconds : maximum duration of all measurements on a GPU together
     alone : measure one detector in this process
     """
     started, chosen_device = time.monotonic(), device_of(device)

@@ -147,7 +147,7 @@ def main(
 def fill(shared: dict[str, Any], lidars: Sequence[str], words: str, work: Path, out: Path) -> None:
     """Adds the rows of one model and seed, unless another process is computing them.
 
-    shared: columns of all rows; words: those of the command that makes the rows
+    shared: columns of all rows; words: the command's name and options, for the column `command`
     """
     name = "_".join(map(str, shared.values())).replace(":", "-")
     folder, detector, seed = work / name, shared["detector"], shared["seed"]

@@ -44,8 +44,8 @@ def main(
     Parameters
     ----------
     work : working folder for frames, about 3 GB
-    setups : default: all
-    lidars : default: all
+    setups : detectors and their trainings (default: all)
+    lidars : names of the LiDARs (default: all)
     """
     with shared_frames.in_use(work, REPLICATE.name):
         test = simulated(REPLICATE, REPLICATE.test_seeds[0], TEST_FRAMES, work)

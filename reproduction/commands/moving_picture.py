@@ -57,7 +57,7 @@ def main(
 
 
 def titles() -> list[tuple[LidarSheet, str]]:
-    """Returns the LiDARs, and what is written above their pictures."""
+    """Returns the LiDARs, and the title above the picture of each."""
     sheets = {sheet.name: sheet for sheet in read_catalogue("datasheet")}
     return [
         (sheets[name], f"{sheets[name].model}, US$ {sheets[name].price_low_usd:,.0f}")
@@ -92,7 +92,7 @@ def pictures(name: str, title: str) -> list[np.ndarray]:
 
 
 def camera_above(ground_m: float) -> Camera:
-    """Returns a function of points (n, 3) to columns, rows (pixels) and distances: (n, 3)."""
+    """Returns a function of points (n, 3): (n, 3) image column and row (pixels), and depth (m)."""
     eye = np.array([-BACK_M, 0.0, ground_m + UP_M])
     ahead = np.array([AHEAD_M, 0.0, ground_m]) - eye
     ahead /= np.linalg.norm(ahead)
@@ -118,7 +118,7 @@ def colours(above_m: FloatArray) -> FloatArray:
 
 
 def drawn(place: FloatArray, colour: FloatArray) -> np.ndarray:
-    """Returns a picture of points, in which the brighter of two points wins."""
+    """Returns a picture of points. Where points overlap, each channel has the largest value."""
     width, height = DRAWN * SIZE[0], DRAWN * SIZE[1]
     canvas: FloatArray = np.zeros((height, width, 3)) + GROUND
     column, row = place[:, 0].astype(int), place[:, 1].astype(int)

@@ -1,7 +1,8 @@
 """Compares detectors with the files that `pyinfra onnx` writes: AP and time of a frame.
 
 Each detector is trained on the highway. Its file is run by ONNX Runtime on one thread, with and
-without the suppression in the graph. The detector runs with PyTorch on one thread, as in training.
+without non-maximum suppression in the graph. The detector also runs with PyTorch on one thread, as
+in training.
 
     python -m reproduction onnx_files --work out/onnx --out results/onnx_files.csv
 """
@@ -47,7 +48,7 @@ KEY = ["scene", "lidar", "detector", "engine"]
 
 @dataclass
 class OnnxFile:
-    """A detector of a file of `pyinfra onnx`, whose z is measured from the road."""
+    """A detector that runs a file of `pyinfra onnx`. Its points and boxes have z above the road."""
 
     session: Any
     site: Site
@@ -62,7 +63,7 @@ class OnnxFile:
 
 
 def engines(run: Path, folder: Path) -> dict[str, Any]:
-    """Returns the detector with PyTorch, and its file with and without the suppression."""
+    """Returns the detector with PyTorch, and its file with and without suppression."""
     ground, _ = detect.ground_and_region_of(folder)
     assert ground is not None
     network = checkpoint.load(detect.model_file(run)).network()

@@ -1,15 +1,15 @@
-"""Measures what the place of a LiDAR is worth, at generated sites that no fit has seen.
+"""Measures how the pose of a LiDAR changes its AP, at generated sites that no fit has used.
 
 The questions are
 
 - place: by how much does the AP of the pose with the highest predicted AP exceed that of other
-  poses of the same LiDAR? The command takes the answer from the check of the detectability.
+  poses of the same LiDAR? The answer is computed from the table of `reproduction detectability`.
 - order: does the order of LiDARs depend on the pose? Each of LIDARS is measured at the same poses.
-- units: do several LiDARs with 16 lines find more vehicles than one with 128 lines at equal price,
-  with poles? Both are planned within the price of the LiDAR with 128 lines on one pole, and then
-  simulated in full with other traffic.
+- units: do several LiDARs with 16 lines find more vehicles than one with 128 lines, at an equal
+  price that includes the poles? Both are planned within the price of the LiDAR with 128 lines on
+  one pole, and then simulated in full with other traffic.
 
-Measurements use traffic that no prediction has seen. Runs are stored in --work, and `units` adds
+Measurements use traffic that no prediction has used. Runs are stored in --work, and `units` adds
 its rows as they are made. Run the command again to resume. It writes NAME.csv for `units`,
 NAME_order.csv, and NAME_summary.csv with 95 % intervals over sites.
 
@@ -60,9 +60,9 @@ KEY = ["site", "lidar", "seed"]
 
 
 def place_rows(check: pd.DataFrame) -> list[dict[str, object]]:
-    """Returns what the chosen pose has more than the mean pose and than the scene's own pose.
+    """Returns by how much the AP of the chosen pose exceeds that of other poses.
 
-    The first quantity is repeated for each traffic seed and for each kind of LiDAR.
+    The difference to the mean over all poses is repeated for each traffic seed and kind of LiDAR.
     """
     table = check[check.detector == DETECTOR]
     name = "chosen pose less mean pose, AP"
@@ -80,7 +80,7 @@ def place_rows(check: pd.DataFrame) -> list[dict[str, object]]:
 
 
 def chosen_gains(table: pd.DataFrame) -> pd.DataFrame:
-    """Returns by how much the AP of the chosen pose exceeds others: a row per site and LiDAR."""
+    """Returns the AP of the chosen pose minus that of other poses: a row per site and LiDAR."""
     rows = []
     for _, group in table.groupby(["site", "lidar"]):
         means = group.groupby("pose")[["ap_predicted", "ap_measured"]].mean()
@@ -154,7 +154,7 @@ def order_rows(table: pd.DataFrame) -> list[dict[str, object]]:
 def units_rows(
     site_number: int, frames: int, work: Path, out: Path, made_by: dict[str, object]
 ) -> None:
-    """Plans and measures both options at a site, unless the table has its rows."""
+    """Plans and measures both options at a site, unless the table already has the site's rows."""
     seed = FIRST_CHECK_SITE + site_number
     keys = [{"site": seed, "lidar": lidar, "seed": 1} for lidar in (WIDE, NARROW)]
     if all(rows_store.has_each(rows_store.read(out), keys)):
@@ -205,7 +205,7 @@ def units_rows(
 
 
 def units_summary(table: pd.DataFrame) -> list[dict[str, object]]:
-    """Returns what several LiDARs of 16 lines have more than one of 128 lines."""
+    """Returns the differences of several LiDARs of 16 lines to one of 128 lines, by quantity."""
     wide = table.pivot(index="site", columns="lidar")
     return [
         summary_row(
@@ -251,10 +251,10 @@ def main(
     Parameters
     ----------
     work : folder of the runs
-    check : check of the detectability: results/detectability.csv
-    sites : sites of `order`; default: 6
-    unit_sites : sites of `units`; default: 12
-    frames : frames of a run; default: 30
+    check : table of `reproduction detectability`: results/detectability.csv
+    sites : number of sites of `order`; default: 6
+    unit_sites : number of sites of `units`; default: 12
+    frames : number of frames of a run; default: 30
     """
     warnings.simplefilter("ignore")
     words = f"placement {check} --sites {sites} --unit-sites {unit_sites} --frames {frames}"

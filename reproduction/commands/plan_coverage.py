@@ -1,10 +1,10 @@
-"""Compares the intervals of plans with what the options find in other traffic.
+"""Compares the intervals of plans with measurements of the options in other traffic.
 
 At generated sites that no fit has used, `pyinfra plan` predicts and simulates options of two
 LiDARs. Each simulated option is then simulated in further traffic seeds, which stand for an hour
-of traffic. An interval should contain their mean for 95 % of the options. The command adds a row
-for each option and figure as they are made, and NAME_summary.csv with the share of intervals that
-contain the mean and their half-widths. Run it again to resume.
+of traffic. For 95 % of the options, the interval should contain the mean over these seeds. The
+command adds a row for each option and figure as soon as it is computed. NAME_summary.csv has the
+share of intervals that contain the mean, and their half-widths. Run the command again to resume.
 
 The errors at the first ten sites, whose `use` is `calibration`, set the width of the predicted
 intervals (`detectability --only-errors`). The summary has the later sites, which test them:
@@ -100,8 +100,8 @@ def rows_of(
 def summary(table: pd.DataFrame) -> pd.DataFrame:
     """Returns the share of intervals of test sites that contain the mean, and their half-width.
 
-    `agree_percent` allows for the uncertainty of the mean: the difference is within the half-widths
-    of both, added as variances.
+    `agree_percent` allows for the uncertainty of the mean: the share of differences that are at
+    most the root of the sum of the squared half-widths of both intervals.
     """
     known = table[table.use == "test"].dropna(subset=["low", "high", "mean"])
     groups = {("all",): known} | {(name,): part for name, part in known.groupby("lidar")}
@@ -141,10 +141,10 @@ def main(
     Parameters
     ----------
     work : folder for sites
-    sites : sites; default: 20
-    seeds : traffic seeds; default: 10
-    frames : frames of a seed; default: 30
-    check_frames : frames of the plan's simulation; default: 30
+    sites : number of sites; default: 20
+    seeds : number of further traffic seeds; default: 10
+    frames : number of frames of a seed; default: 30
+    check_frames : number of frames of the plan's simulation; default: 30
     """
     warnings.simplefilter("ignore")
     sizes = f"--sites {sites} --seeds {seeds} --frames {frames}"

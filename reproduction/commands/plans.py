@@ -1,4 +1,4 @@
-"""Answers realistic questions with `pyinfra plan` and records what each answer took.
+"""Answers realistic questions with `pyinfra plan` and records the time of each answer.
 
 Each question names a site, a budget and a wanted share. The command writes a row for each option
 that the plan simulated in full. It also records the number of poses and LiDARs, the processor time
@@ -43,7 +43,7 @@ TEXT = [
 
 @dataclass(frozen=True)
 class Question:
-    """What a plan is asked."""
+    """A site, a budget and the requirements for which `pyinfra plan` makes a plan."""
 
     question: str
     site: str | int  # name of a scene, or a seed of the scene generator
@@ -67,7 +67,7 @@ QUESTIONS = (
 
 
 def answered(question: Question, work: Path) -> tuple[Plan, dict[str, float]]:
-    """Returns the plan of a question, and the processor times of its race and of all of it."""
+    """Returns the plan of a question, and the processor times of its race and of the whole plan."""
     site = question.site
     scene = scene_file_of(site, work) if isinstance(site, int) else site
     started = time.process_time()

@@ -1,4 +1,4 @@
-"""Compares the AP of one, two and four fused poles at a crossroad, and the cost of errors.
+"""Compares the AP of one, two and four fused poles at a crossroad, without and with errors.
 
 A detector is trained on 400 s of fused frames with exact clocks and poses. It is tested on a later
 500 s of the same simulation: without errors, with late clocks, and with mounts that are turned by
@@ -50,7 +50,7 @@ TRAINING_FRAMES, TEST_FRAMES = "0:4000:10", "5000:10000:50"
 TEST_S = 1000
 SETTINGS = Settings(ground_truths=("all", "captured"))
 KEY = ["lidar", "poles", "detector", "error", "seed", "ground_truth"]
-TEXT = ["error"]  # column of the key that holds text, besides those of every table
+TEXT = ["error"]  # text columns of KEY, besides those of every table
 
 
 @dataclass(frozen=True)

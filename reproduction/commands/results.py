@@ -1,8 +1,9 @@
 """Makes the files of results/ that are out of date: `make results`.
 
-A file is up to date if results/steps.csv has the keys of all its parts. A key has the words of the
-command, the number of the simulator's frames, the version of the command (`engine.VERSIONS`), the
-digest of the pretrained detector if the command uses it, and the files that the command reads.
+A file is made by one or more parts: commands that can run separately. A file is up to date if
+results/steps.csv has the keys of all its parts. A key has the words of the command, the
+`frames_version` of the simulator, the version of the command (`engine.VERSIONS`), the digest of the
+pretrained detector if the command uses it, and the files that the command reads.
 
 A stopped run resumes. In another clone it resumes if results/parts/ was committed. Independent
 parts run side by side, in processes of this machine or of a Dask cluster. Commands that
@@ -45,8 +46,8 @@ def main(
     ----------
     files : files of results/ (default: all)
     list : print the steps and run nothing
-    jobs : parts side by side (default: 1)
-    backend : or a cluster
+    jobs : number of parts that run at the same time (default: 1)
+    backend : run parts on this machine or in a cluster (default: %(default)s)
     address : address of the cluster
     dirty : run although the code differs from the commit
     primary : leave out rows of secondary claims
@@ -107,6 +108,6 @@ def show(
 
 
 def expected_h(part: engine.Part, record: pd.DataFrame) -> float:
-    """Returns the CPU hours that the same words took last, or those of the step's list."""
+    """Returns the CPU hours of the last run of the same words, or the estimate in `steps`."""
     same = record[record.command == part.words]
     return float(same.cpu_s.iloc[-1]) / 3600 if len(same) else part.cpu_h

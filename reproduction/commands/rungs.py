@@ -1,7 +1,7 @@
 """Measures what each model of a LiDAR changes in the points per vehicle, by distance.
 
 A rung is one model that is on or off: the divergence of beams, their width and number of sub-rays,
-the echoes of a ray, the range of each channel, the law of range. Each rung changes one setting of
+the echoes of a ray, the range of each channel, the range law. Each rung changes one setting of
 the catalogue's LiDARs, preset `datasheet`. All settings see the same traffic, so that the same
 vehicles are compared. Vehicles of the evaluation region with a visible share of 0.2 or more count.
 The command writes out/rungs.csv, a row for each rung, LiDAR, distance and seed:
@@ -150,7 +150,7 @@ def main(
     Parameters
     ----------
     seeds : number of traffic seeds; default: 5
-    rungs : default: all
+    rungs : rungs to measure (default: all)
     """
     tables = [measured(seed, rungs or list(RUNGS)) for seed in range(1, seeds + 1)]
     table = pd.concat(tables).assign(preset="datasheet", **provenance("rungs"))

@@ -1,6 +1,6 @@
 """Measures what a model of a LiDAR changes in the AP of two detectors.
 
-The model is one of `python -m reproduction rungs`. The scene is the highway, preset `datasheet`.
+The model is a rung of `python -m reproduction rungs`. The scene is the highway, preset `datasheet`.
 Background is trained again for each seed, and the pretrained detector is used as it is. Both see
 the same traffic with and without the model. The command writes out/rungs_ap.csv, a row for each
 rung, LiDAR, detector and seed:
@@ -57,7 +57,7 @@ def main(
     ----------
     work : working folder for frames, about 1 GB
     seeds : traffic seeds; a seed also seeds the training (default: 1 2 3)
-    rungs : default: one ray
+    rungs : rungs to measure (default: one ray)
     """
     rows: list[dict[str, object]] = []
     for seed in seeds:

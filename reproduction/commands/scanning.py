@@ -52,7 +52,7 @@ def rows_of_seed(
 def over_seeds(per_seed: Sequence[Sequence[Row]]) -> Iterator[Row]:
     """Yields each claim with its mean and interval over the seeds.
 
-    A claim whose case occurs with one of the seeds has the rule of that seed.
+    If the case of a claim occurs with some seeds only, the claim has the rule of these seeds.
     """
     for rows in zip(*per_seed, strict=True):
         mean = over_replicates([row.value for row in rows])

@@ -126,7 +126,7 @@ def main(
     Parameters
     ----------
     work : working folder for frames, about 5 GB
-    seeds : traffic seeds; a seed also seeds the training (default: 1 2 3)
+    seeds : traffic seeds (default: 1 2 3)
     """
     for scene in scenes:
         for lidar in (POLES_LIDAR,) if scene == POLES else lidars:

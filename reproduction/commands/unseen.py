@@ -8,9 +8,9 @@ of 0.5 m. For them an IoU of 0.5 is too strict: a box of 0.6 m may be displaced 
 class `vulnerable road user` has pedestrians and cyclists. Its boxes may have either of the two
 classes.
 
-A condition is an error of the known pose. Intervals (Student's t) are computed from 1,000 bootstrap
-replicates of whole sites. The table also has the AP that each condition costs. The command writes
-out/unseen.csv:
+A condition is an error of the pose that the detector uses. Intervals (Student's t) are computed
+from 1,000 bootstrap replicates of whole sites. The table also has the loss of AP under each
+condition. The command writes out/unseen.csv:
 
     python -m reproduction unseen generalist
 """

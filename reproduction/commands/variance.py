@@ -3,8 +3,8 @@
 The quantities are the AP (R1000) of `captured` of each LiDAR, and the AP of the Avia minus that of
 the LiDAR with 128 lines. The components are standard deviations:
 
-- frames: over bootstrap replicates of the frames of one test seed. A difference has none, because
-  the table has no paired bootstrap replicates.
+- frames: over bootstrap replicates of the frames of one test seed. A difference
+  has no such component, because the table has no paired bootstrap replicates.
 - seed: between the two test seeds of a replicate, without `frames`
 - training: between replicates, without `seed` and `frames`. A replicate has its own training seed
   and training traffic.

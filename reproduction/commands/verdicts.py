@@ -3,12 +3,12 @@
 A claim's value in a replicate is the mean over the replicate's test seeds. The interval is
 Student's t interval over replicates. Its confidence level is 1 - 0.05 / 3, because a claim can be
 tested three times: after 3, 5 and 10 replicates. Replicates that lack a LiDAR, or a detector if
-detectors are compared, are left out. So are those after the last of these numbers. A claim that is
-undecided after the last number is `not known`.
+detectors are compared, are left out, and so are replicates after the tenth. A claim that is
+undecided after ten replicates is `not known`.
 
 Two detectors are trained for each LiDAR (column `primary`). The rows with training `both` have the
-verdict of both. The command writes results/claims.csv, and prints which experiments further
-replicates may decide:
+combined verdict of both detectors. The command writes results/claims.csv, and prints for which
+claims further replicates may lead to a verdict:
 
     python -m reproduction verdicts results/experiments.csv --out results/claims.csv
 """
@@ -164,8 +164,8 @@ def not_decided(replicates: int) -> str:
 def of_value(avia: str, cheaper_ends: Collection[tuple[float, float]], replicates: int) -> str:
     """Returns the verdict of the claim `value` unless the Avia is below the level.
 
-    The claim fails if a cheaper LiDAR reaches the level, whether the Avia does or not. It holds if
-    each cheaper LiDAR is below the level, not merely if it is not above.
+    The claim fails if a cheaper LiDAR reaches the level, whether the Avia does or not. It holds
+    only if the whole interval of each cheaper LiDAR is below the level.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def check_pairs(table: pd.DataFrame) -> None:
                 raise Error(f"{case}: {column}: expected one value for all LiDARs, got {values}")
         counts = rows.groupby(["lidar", "seed"]).size().unstack(fill_value=0).stack()
         for (lidar, seed), count in counts[counts != 1].items():
-            raise Error(f"{case}: {lidar}: expected one row with seed {seed}, got {count}")
+            raise Error(f"{case}: {lidar}: expected one row with seed {seed}, got {count} rows")
 
 
 def missing(table: pd.DataFrame) -> Iterator[str]:

@@ -75,7 +75,7 @@ def measured(outcome: Outcome, detector: str) -> dict[str, float]:
 
 
 def empty_scene_measures(runs: list[Run], frames: int, work: Path) -> dict[Run, dict[str, float]]:
-    """Returns coverage and information of the runs with the site's own traffic."""
+    """Returns coverage and information (see `empty_scene`) of runs with the site's own traffic."""
     out = {}
     for site in sorted({run.site for run in runs}):
         file = scene_file_of(site, work)
@@ -121,10 +121,11 @@ def check_table(
 
 
 def unseen_std(table: pd.DataFrame) -> dict[str, float]:
-    """Returns the fields of `UnseenErrors` for random poses: rows of one detector of `check_table`.
+    """Returns the fields of `UnseenErrors` for random poses.
 
     The mean of a pose over its traffic seeds is compared with its prediction. The noise of the
     measured and of the predicted frames is that of the seeds of a pose, and is subtracted.
+    table: the rows of one detector in `check_table`.
     """
 
     def std(measured: pd.Series, predicted: pd.Series) -> float:
@@ -169,8 +170,8 @@ def unseen_std_of_options(options: pd.DataFrame) -> dict[str, float]:
 def fine_tuning_ap(fairness: pd.DataFrame, experiments: pd.DataFrame) -> dict[str, float]:
     """Returns the AP that 120 steps of fine-tuning add with preset `datasheet`, by LiDAR.
 
-    A LiDAR of the experiments has the mean over their scenes, because these have replicates. Others
-    have the gain of `fairness`.
+    A LiDAR of the experiments has the mean over their scenes, because these have replicates. The
+    other LiDARs have the gain in `fairness`.
     """
     fairness = fairness.replace({"arm": {"none": "pretrained", "tuned_120": "fine-tuned"}})
     fairness = fairness.rename(columns={"arm": "training", "site": "scene"})
@@ -241,13 +242,13 @@ def per_group(table: pd.DataFrame, of: Callable[[pd.DataFrame], float]) -> Float
 
 
 def _over_poses(of: OfPair, a: str, b: str, group: pd.DataFrame) -> float:
-    """Returns a value of two columns averaged over seeds: (poses,) each."""
+    """Returns `of` of two columns, each averaged over the seeds of a pose."""
     means = group.groupby("pose")[[a, b]].mean()
     return of(means[a].to_numpy(), means[b].to_numpy())
 
 
 def _over_seeds(of: OfPair, column: str, group: pd.DataFrame) -> float:
-    """Returns the mean over seeds of a value of one seed and the mean of the others."""
+    """Returns `of` of one seed and the mean of the other seeds, averaged over the seeds."""
     values = np.asarray(group.pivot(index="pose", columns="seed", values=column), float)
     others = (np.delete(values, s, axis=1).mean(1) for s in range(values.shape[1]))
     return float(np.mean([of(one, other) for one, other in zip(values.T, others, strict=True)]))

@@ -1,4 +1,4 @@
-"""Two measures of a pose from a scene without traffic, as other tools use them.
+"""Computes two measures of a pose that other tools use, from a scene without traffic.
 
 Space is divided into voxels. The probability p of a voxel is the share of frames in which a vehicle
 fills it. A beam reaches the voxels between the LiDAR and its return in the empty scene.
@@ -65,7 +65,7 @@ def occupancy(file: Path, frames: int = OCCUPANCY_FRAMES) -> Occupancy:
 
 
 def _inside(row: AnyArray) -> FloatArray:
-    """Returns points of a vehicle's box, at most half a voxel apart: (n, 3), world frame."""
+    """Returns a grid of points in a vehicle's box, at most half a voxel apart: (n, 3), world."""
     axes = [
         np.linspace(-row[size] / 2, row[size] / 2, max(2, int(np.ceil(2 * row[size] / voxel)) + 1))
         for size, voxel in zip(("dx", "dy", "dz"), VOXEL_M, strict=True)

@@ -20,7 +20,10 @@ STEPS = 60
 def fit_detection(
     terms: FloatArray, best_score: FloatArray, weights: FloatArray | None = None
 ) -> FloatArray:
-    """Fits the law of found objects. best_score: (n,) score of the match, 0 for a missed object."""
+    """Fits the law of the probability that an object is found; returns its coefficients.
+
+    best_score: (n,) score of the match, 0 for a missed object
+    """
     cuts = CUTS[1::2]
     x = np.concatenate([with_score(terms, cut) for cut in cuts])
     y = np.concatenate([(best_score >= cut).astype(float) for cut in cuts])
@@ -37,7 +40,7 @@ def fit_detection(
 def fit_false(
     counts: FloatArray, seen: FloatArray, spinning: BoolArray, weights: FloatArray | None = None
 ) -> FloatArray:
-    """Fits the law of false boxes.
+    """Fits the law of the number of false boxes; returns its coefficients.
 
     counts: (n, CUTS) false boxes of each experiment per frame. seen: (n,) objects with points per
     frame. spinning: (n,) whether the LiDAR spins. weights: (n,) frames of each experiment.
@@ -66,10 +69,10 @@ def newton(
     ridge: float,
     largest_step: float,
 ) -> FloatArray:
-    """Returns the coefficients (k,) with which the mean of y (n,) is a law of x b, x (n, k).
+    """Returns the coefficients b (k,) of the model: mean of y = law(x @ b), x (n, k), y (n,).
 
-    law: maps x b to the mean of y and its slope. b: first coefficients. ridge: penalty of half the
-    squared coefficients, except the first, which is the constant.
+    law: maps x @ b to the mean of y and its slope. b: initial coefficients. ridge: penalty of half
+    the squared coefficients, except the first, which is the constant.
     """
     penalty = ridge * np.eye(x.shape[1])
     penalty[0, 0] = 1e-6

@@ -1,4 +1,4 @@
-"""Simulates poses at generated sites, runs the detectors and stores what each object scored.
+"""Simulates poses at generated sites, runs the detectors and stores the score of each object.
 
 A run is one pose and LiDAR at one site with one traffic seed. Both detectors see the same frames.
 The file of a run has every object of the evaluation region, with its points and scores, and the
@@ -181,7 +181,7 @@ def objects_of(
 
 @cache
 def is_spinning(lidar: str) -> bool:
-    """Returns whether a unit of a LiDAR of the catalogue spins."""
+    """Returns whether a LiDAR of the catalogue spins."""
     return spins(yaml.safe_load(load_lidar(lidar_file(lidar), "datasheet").dump()))
 
 

@@ -47,7 +47,7 @@ def catalogue() -> Rows:
 
 @with_heads("product", "pattern", "assumed or not published", "grades", "price")
 def sources() -> Rows:
-    """Returns a table of what each LiDAR is, and what about it is assumed."""
+    """Returns a table of each LiDAR's pattern, assumed values, grades of sources, and price."""
     for sheet in read_catalogue(PRESET):
         text = lidar_file(sheet.name).read_text(encoding="utf-8")
         head = re.match(r"(#[^\n]*\n)+", text)

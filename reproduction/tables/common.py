@@ -140,7 +140,7 @@ def interval(values: pd.Series) -> Interval:
 
 
 def mean_of_ap(values: pd.Series) -> str:
-    """Formats the mean AP over seeds or replicates, with its 95 % interval if they are enough."""
+    """Formats the mean AP over seeds or replicates, with a 95 % interval if there are enough."""
     return with_interval_of_ap(*astuple(interval(values)))
 
 

@@ -1,4 +1,4 @@
-"""The first figures of the pages of results, from results/*.csv."""
+"""Draws the first figure of each page of results, from results/*.csv."""
 
 import hashlib
 from collections.abc import Callable
@@ -56,7 +56,7 @@ def rows_of_claim(claim: str, subset: str = "captured") -> pd.DataFrame:
 def draw_intervals(
     rows: pd.DataFrame, label: str, holds: tuple[float, float] | None = None
 ) -> Figure:
-    """Draws the intervals of each row. holds: where an interval must lie for the claim."""
+    """Draws the intervals of each row. holds: range in which the claim holds."""
     names, series = list(rows.row.unique()), list(rows.series.unique())
     figure, ax = _empty(max(SIZE_IN[1], 0.9 + 0.09 * len(names) * (1 + len(series))))
     for number, (name, part) in enumerate(rows.groupby("series", sort=False)):
@@ -242,7 +242,7 @@ def draw_tracks(rows: pd.DataFrame) -> Figure:
 def rows_of_coverage() -> pd.DataFrame:
     """Returns the recall of each option of plans: predicted, and the mean of further traffic.
 
-    The sites are those that have not set the width of the intervals.
+    The sites are test sites: their errors were not used to set the width of the intervals.
     """
     table = results("plan_coverage")
     table = table.query("figure == 'recall' and source == 'predicted' and use == 'test'")

@@ -1,4 +1,4 @@
-"""Tables of the formats that are read and written, from the code that reads and writes them."""
+"""Makes tables of the formats of files, from the code that reads and writes them."""
 
 from pyinfra.exchange.formats import FORMATS
 from pyinfra.exchange.guess import FILES
@@ -22,7 +22,7 @@ OWN = "NumPy"
 
 @with_heads("format", "files", "read", "written", "read back as", "library")
 def formats() -> Rows:
-    """A row for each format of recordings: read, written, read back, library, files."""
+    """Returns a table with a row for each format of recordings."""
     for name, format in FORMATS.items():
         files = FOLDERS.get(name) or ", ".join(FILES[name])
         read, written = ("yes" if part else "no" for part in (format.read, format.export))
@@ -33,7 +33,7 @@ def formats() -> Rows:
 
 
 def other_formats() -> str:
-    """A row for each other kind of file that commands read."""
+    """Returns a table with a row for each other kind of file that commands read."""
     maps = {
         ".xodr": "Eclipse SUMO (extra `site`)",
         ".net.xml": "Eclipse SUMO (extra `site`)",

@@ -1,4 +1,4 @@
-"""Makes the table of points per vehicle of frames 3 and 4, from results/frame_numbers.csv."""
+"""Makes the table of points per vehicle with frames_version 3 and 4 (results/frame_numbers.csv)."""
 
 import pandas as pd
 
@@ -38,9 +38,10 @@ REASONS = {
 
 @with_heads("LiDAR", *BANDS.values(), "other changes")
 def frame_numbers() -> Rows:
-    """Returns the ratio of the points per vehicle, frames 4 to frames 3, by LiDAR and distance.
+    """Returns the ratio of the points per vehicle by LiDAR and distance.
 
-    The scenes are pooled. An interval is over the traffic seeds.
+    The ratio is that of frames_version 4 to 3. The scenes are pooled. An interval is over the
+    traffic seeds.
     """
     table = results("frame_numbers")
     for when in ("before", "now"):

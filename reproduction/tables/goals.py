@@ -1,4 +1,4 @@
-"""Tables of detectors on the frozen test sites of frames 4."""
+"""Makes tables of detectors on the frozen test sites, on frames with `frames_version` 4."""
 
 from typing import Any
 
@@ -19,7 +19,8 @@ SHOWN = {
     ("vehicle, no region", "false_per_frame"),
     ("vehicle in a queue", "recall"),
 }
-# Maps the part before `_` in the name of a pilot's model to its description.
+# A pilot is a short training that tests an idea. Maps the part before `_` in the name of its model
+# to its description.
 PILOTS = {"single": "pilot, single frames", "past": "pilot with the past"}
 
 

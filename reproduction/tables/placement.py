@@ -1,4 +1,4 @@
-"""Makes tables about the prediction of `pyinfra plan` and about what a place is worth."""
+"""Makes tables about the predictions of `pyinfra plan`, and about the gain by a good pose."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ ERRORS = {
     "mean error with the same traffic": "prediction from the traffic of a seed, with that seed",
     "mean error of another seed": "measurement with one seed, with the mean of the other two",
 }
-WORDS = {  # the page's words for words of placement_summary.csv
+WORDS = {  # maps words of placement_summary.csv to those of the page
     " less ": " minus ",
     "mean pose": "mean of the poses",
     "see all around": "view 360 degrees",
@@ -36,7 +36,7 @@ WORDS = {  # the page's words for words of placement_summary.csv
 }
 
 TWO_DIGITS = "{value:.2f} [{low:.2f}, {high:.2f}]"
-FIGURES = {  # the page's words for figures of plan_coverage_summary.csv
+FIGURES = {  # maps names in plan_coverage_summary.csv to those of the page
     "recall": "vehicles found, of 100",
     "people_recall": "pedestrians found, of 100",
     "false_per_frame": "false boxes per frame",

@@ -1,4 +1,8 @@
-"""Makes tables about the models of a LiDAR, from results/rungs.csv and results/rungs_ap.csv."""
+"""Makes tables about the models of a LiDAR, from results/rungs.csv and results/rungs_ap.csv.
+
+A rung is one model of a LiDAR that is on or off, or one other setting of it. A band is a range of
+distances.
+"""
 
 import itertools
 from dataclasses import dataclass

@@ -40,14 +40,12 @@ OPEN = (UNDECIDED, NOT_KNOWN)
 def known(condition: bool, sentence: str) -> str:
     """Returns a sentence that the tables support. Raises Error if they do not."""
     if not condition:
-        raise Error(
-            f"results/: expected tables that support this sentence, got other values: {sentence}"
-        )
+        raise Error(f"results/: the values do not support this sentence; correct it: {sentence}")
     return sentence
 
 
 def span(values: Iterable[float], digits: int = 0) -> str:
-    """Returns the least and greatest value, or one number if both are printed alike."""
+    """Returns the least and greatest value with `digits` decimals; one number if they are equal."""
     least, most = (f"{end(values):.{digits}f}" for values in [list(values)] for end in (min, max))
     return least if least == most else f"{least} to {most}"
 
@@ -57,7 +55,7 @@ def joined(parts: Sequence[str], word: str = "and") -> str:
 
 
 def within(changes: Iterable[Interval]) -> str:
-    """Returns the smallest limit, with one decimal, in which all intervals lie."""
+    """Returns the smallest x, with one decimal, for which all intervals lie in -x to x."""
     far = max(max(abs(change.low), abs(change.high)) for change in changes)
     return f"{math.ceil(10 * far - 1e-9) / 10:g}"
 

@@ -50,7 +50,7 @@ def _change(values: pd.Series) -> str:
 
 
 def _fall(part: pd.DataFrame, stressor: Stressor, unstressed: pd.Series) -> str:
-    """Returns the severity at which AP has fallen by FALL, with the ends over single seeds."""
+    """Returns the severity at which AP has fallen by FALL, and its range over the seeds."""
     rows = part[part.stressor == stressor.name]
     if rows.empty:
         return ""

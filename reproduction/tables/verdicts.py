@@ -107,7 +107,7 @@ def _verdict(rows: pd.DataFrame, key: tuple[str, ...]) -> str:
 
 
 def with_interval(claim: str, value: float, low: float, high: float) -> str:
-    """Formats the value of a claim, with as many decimals as tell its ends from the limits."""
+    """Formats a claim's value, with the decimals that show the interval's ends off the limits."""
     limits = next((c.low, c.high) for c in CLAIMS if c.name == claim)
     ends = [(end, limit) for end in (low, high) for limit in limits if end != limit]
     digits = next(k for k in range(1, 17) if all(round(end, k) != limit for end, limit in ends))
@@ -261,11 +261,10 @@ def variance() -> str:
 def costs() -> str:
     """Returns the number of trained detectors by scene, and the CPU time of their training.
 
-    The time of a training is a mean over the machine with most trainings, and the sum is over all.
+    CPU s is the mean of the trainings on the most used machine. CPU h is the sum of all.
     """
     table = results("experiments")
-    key = ["training", "detector", "scene", "preset", "label_time", "replicate", "lidar"]
-    key += ["training_cut_angle_deg"]
+    key = "training detector scene preset label_time replicate lidar training_cut_angle_deg".split()
     table = table[table.train_cpu_s > 0].drop_duplicates(key)
     rows = []
     for key, part in table.groupby(["training", "detector", "scene"], sort=False):
@@ -307,9 +306,9 @@ def _half_width(sd: pd.Series, replicates: int, tests: int = 2) -> float:
 
 @with_heads("claim", "vehicles", *(f"exponent {e:g}" for e in LAW_EXPONENTS))
 def law_of_range() -> Rows:
-    """Returns the fine-tuned detector's verdicts on the highway at both ends of the law of range.
+    """Returns the fine-tuned detector's verdicts on the highway at both exponents of the range law.
 
-    The presets without a law of range have no row.
+    The presets without a range law have no row.
     """
     where = {"scene": "highway", "preset": "datasheet", "label_time": "scan"}
     table = rows_with(results("claims"), training=PRIMARY[0][0], **where)
@@ -332,9 +331,8 @@ def decided(subsets: Sequence[str] = ("captured", "common", "present")) -> Rows:
     """Returns how many primary rows each detector decides, and how many both decide."""
     table = _claims_with_enough_replicates()
     table = table[table.subset.isin(subsets) & (table.label_time == "scan")]
-    primary = table[table.primary]
-    for (preset, training), part in primary.groupby(["preset", "training"], sort=False):
-        yield [str(preset), TRAININGS[str(training)], *_counts(part)]
+    for key, part in table[table.primary].groupby(["preset", "training"], sort=False):
+        yield [str(key[0]), TRAININGS[str(key[1])], *_counts(part)]
     for preset, part in table[table.training == BOTH].groupby("preset", sort=False):
         yield [str(preset), TRAININGS[BOTH], *_counts(part[part.verdict != ONE])]
 
@@ -342,7 +340,7 @@ def decided(subsets: Sequence[str] = ("captured", "common", "present")) -> Rows:
 def _counts(rows: pd.DataFrame) -> list[str]:
     """Returns the cells of rows of one detector, or of both.
 
-    A verdict of both is wrong if one of the two is, so that its bound is twice as high.
+    The verdict of both is false if either one is, so its bound of false verdicts is twice as high.
     """
     both = bool((rows["training"] == BOTH).all())
     open_rows = rows.verdict.isin([UNDECIDED, NOT_KNOWN]).sum()

@@ -52,7 +52,7 @@ def of_scanning() -> pd.DataFrame:
     key = ["preset", "claim", "statement"]
     both = now.merge(before[[*key, *COLUMNS]], on=key, suffixes=("", "_before"))
     if len(both) != len(now):
-        raise ValueError(f"expected {len(now)} claims about scanning in both, got {len(both)}")
+        raise ValueError(f"expected {len(now)} scanning claims in both versions, got {len(both)}")
     return both
 
 

@@ -757,7 +757,7 @@ TEST(lidar_file, a_law_exponent_stands_only_without_further_ranges) {
   };
   expect_lidar_error(detection,
                      with("law_exponent: 0.3, further_ranges: [{range_m: 90, reflectance: 0.8}]"),
-                     "returns.detection.law_exponent", "expected no further_ranges");
+                     "returns.detection.law_exponent", "expected law_exponent or further_ranges");
   for (const char* value : {"0.2", "0.51"})
     expect_lidar_error(detection, with(std::string("law_exponent: ") + value),
                        "returns.detection.law_exponent", "expected 0.25 to 0.5");
@@ -960,10 +960,10 @@ TEST(direction_table, in_another_layout_is_an_error) {
   expect(npy("<f8", "(2, 2)", "False", two_rows.substr(1)), "size");
   expect(npy("<f8", "(2, 2)", "False", two_rows + "x"), "size");
   expect(npy("<f8", "(99999999999999999999, 2)", "False", two_rows), "shape");
-  expect(npy("<f8", "(1152921504606846976, 2)", "False", two_rows), "another size");
+  expect(npy("<f8", "(1152921504606846976, 2)", "False", two_rows), "does not match the size");
   expect(npy("<f8", "(-2, 2)", "False", two_rows), "shape (-2, 2)");
   expect(npy("<f8", "(2, 2", "False", two_rows), "shape (2, 2");
-  expect(npy("<f8", "(2, 2)", "False", two_rows).substr(0, 40), "a part of one");
+  expect(npy("<f8", "(2, 2)", "False", two_rows).substr(0, 40), "without a complete NumPy header");
   std::string without_shape = npy("<f8", "(2, 2)", "False", two_rows);
   expect(without_shape.replace(without_shape.find("shape"), 5, "forms"), "got shape ");
   std::string other_version = npy("<f8", "(2, 2)", "False", two_rows);
@@ -1198,7 +1198,7 @@ TEST(bundle, in_a_bundle_is_an_error) {
 
 TEST(bundle, with_a_pattern_of_its_own_is_an_error) {
   expect_lidar_error("presets:\n", "bundle: [{lidar: part.yaml}] #!\npresets:\n", "bundle",
-                     "bundle alone");
+                     "only a bundle");
 }
 
 }  // namespace

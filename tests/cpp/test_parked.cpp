@@ -121,7 +121,7 @@ TEST(parked, a_vehicle_on_the_lane_of_another_road_is_named_with_its_size_and_se
       "parked=[{road: main, offset_m: -16, class_shares: {Bus: 1}}]"};
   const std::string message =
       error_of([&] { checked_site(read_scene(configs() / "scenes/crossroad.yaml", rows)); });
-  expect_within(message, "expected beside the lanes or 4.5 m above them, got a Bus 1");
+  expect_within(message, "expected a position beside the lanes or 4.5 m above them, got a Bus 1");
   expect_within(message, " m wide with seed 1 on a lane near x ");
 }
 
@@ -150,7 +150,8 @@ TEST(parked, vehicles_stand_beside_recorded_ones_with_other_ids) {
   };
   EXPECT_GT(recorded(7), 20U);
   const std::string message = error_of([&] { recorded(kFirstParkedId); });
-  EXPECT_NE(message.find("id: expected below 1000000000, where those of parked"), std::string::npos)
+  EXPECT_NE(message.find("id: expected ids below 1000000000, where the ids of parked"),
+            std::string::npos)
       << message;
 }
 

@@ -92,7 +92,7 @@ TEST(periods, that_differ_are_refused_in_one_run) {
   fast.name = "fast";
   const std::vector<LidarConfig> both{fine_lidar(10), fast};
   const std::string reason =
-      "expected one period in a run, got lidar with 0.1 s and fast with 0.05 s";
+      "expected one frame period in a run, got lidar with 0.1 s and fast with 0.05 s";
   const World world = build_world(scene);
   EXPECT_NE(error_of([&] { FrameStream(world, both, {0}, 1); }).find(reason), std::string::npos);
   RunRequest request;

@@ -385,8 +385,8 @@ TEST(weather_warnings, name_a_lidar_that_no_weather_changes_and_its_preset) {
     const std::vector<std::string> lines = warnings_of(weather, {false});
     ASSERT_EQ(lines.size(), 1U);
     EXPECT_EQ(lines.front(),
-              "lidar, preset paper: weather: no effect, expected a preset that has "
-              "it, got no returns.detection");
+              "lidar, preset paper: weather: no effect, because it affects only LiDARs with "
+              "returns.detection, which the preset lacks");
     EXPECT_TRUE(warnings_of(weather, {true, true}).empty());
   }
 }

@@ -129,23 +129,23 @@ TEST_F(SiteFiles, WrongSurfacesAreNamedWithTheirLine) {
       {with("uchar red", "colour red"),
        ":8: expected char to double, int8 to float64, got type 'colour'"},
       {with("2 2 1 255", "2 nan 1 255"),
-       ":14: expected metres from the site's origin, got a vertex whose x, y or z is missing or no "
-       "number up to 1000000 either way"},
+       ":14: expected metres from the site's origin, got a vertex whose x, y or z is missing, not "
+       "a number, or farther than 1000000 m from the origin"},
       {with("2 2 1 255", "2e6 2 1 255"),
-       ":14: expected metres from the site's origin, got a vertex whose x, y or z is missing or no "
-       "number up to 1000000 either way"},
+       ":14: expected metres from the site's origin, got a vertex whose x, y or z is missing, not "
+       "a number, or farther than 1000000 m from the origin"},
       {with("2 2 1 255", "2 two 1 255"), ":14: expected a number, got 'two'"},
       {with("4 0 1 2 3\n", "4 0 1 2 9\n"),
-       ":16: expected a corner to be the number of a vertex, got a number that is none of the 4 "
-       "vertices before it"},
+       ":16: expected corners that are indices of the 4 vertices before the face, counted from 0, "
+       "got another number"},
       {with("4 0 1 2 3\n", "2 0 1\n"), "got a face of 2 corners"},
       {with("4 0 1 2 3\n", "4 0 1\n"), "the file may be truncated"},
       {with("4 0 1 2 3\n", "4 0 1 2 3 7\n"), "got bytes after the last element"},
       {with("vertex_indices", "corners"),
        "expected faces with vertex_indices, got a face without them"},
       {with("property double x\n", ""),
-       ":11: expected metres from the site's origin, got a vertex whose x, y or z is missing or no "
-       "number up to 1000000 either way"},
+       ":11: expected metres from the site's origin, got a vertex whose x, y or z is missing, not "
+       "a number, or farther than 1000000 m from the origin"},
       {with("property float y", "property double x"),
        ":6: expected each property once, got 'x' twice"},
       {with("property float y", "property int y"),
@@ -325,8 +325,9 @@ TEST_F(SiteFiles, ASensorBelowASurfaceOrInALanesWayIsRefused) {
   SceneConfig scene = site(folder_);
   scene.mounts.begin()->second.y_m = -2;
   scene.mounts.begin()->second.z_m = 3;
-  expect_within(error_of([&] { checked_site(scene); }),
-                "expected 4.5 or more, or beside the lanes, got 3, where vehicles hit it");
+  expect_within(
+      error_of([&] { checked_site(scene); }),
+      "expected 4.5 or more, or a position beside the lanes, got 3, where vehicles hit the LiDAR");
 }
 
 TEST_F(SiteFiles, NothingStandsOnALaneOfAFile) {

@@ -157,7 +157,7 @@ TEST(static_layer_file, is_refused_for_lidars_without_a_layer) {
   const World world = crossroad({}, "datasheet");
   EXPECT_NE(error_of([&] {
               cast_static_layer(world, shipped("livox_avia", "equal"));
-            }).find("livox_avia, preset equal: unit 0: expected single rays that repeat"),
+            }).find("livox_avia, preset equal: unit 0: expected a pattern of single rays"),
             std::string::npos);
   LidarConfig wide = shipped("ruby_plus");
   wide.units[0].returns.beam.emplace().where = BeamWhere::kEverywhere;

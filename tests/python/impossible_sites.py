@@ -321,11 +321,11 @@ SENSORS = (
     Site("a sensor in a gantry's beam", (pole(-140, 2, 6.5),), "mounts.pole.x_m",
          ("inside a gantry",), "pole:"),
     Site("a sensor on a lane", (pole(-25, -5.25, 2),), "mounts.pole.z_m",
-         ("where vehicles hit it", "expected 4.5 or more"), "pole:"),
+         ("where vehicles hit the LiDAR", "expected 4.5 or more"), "pole:"),
     Site("a sensor where trucks pass", (pole(-25, -5.25, 4.4),), "mounts.pole.z_m",
-         ("where vehicles hit it",), "pole:"),
+         ("where vehicles hit the LiDAR",), "pole:"),
     Site("a sensor where vehicles turn", (pole(-7.5, -7.5, 3),), "mounts.pole.z_m",
-         ("where vehicles hit it",), "pole:"),
+         ("where vehicles hit the LiDAR",), "pole:"),
     Site("a sensor out of the world", (pole(1e9, -12, 6),), "mounts.pole.x_m",
          ("from every road and ground", "5000"), "pole:"),
     Site("a sensor 6 km away", (pole(-6300, -12, 6),), "mounts.pole.x_m", ("6000 m",), "pole:"),
@@ -333,7 +333,7 @@ SENSORS = (
 )  # fmt: skip
 TRAFFIC = (
     Site("pedestrians in lanes", ((SHARES, "{Car: 0.9, Pedestrian: 0.1}"),),
-         "traffic.class_shares", ("got Pedestrian", "no speed and way of its own"), "Pedestrian"),
+         "traffic.class_shares", ("got Pedestrian", "not simulated as traffic"), "Pedestrian"),
     Site("cyclists in lanes", ((SHARES, "{Cyclist: 1}"),), "traffic.class_shares",
          ("got Cyclist", "expected Car"), "Cyclist"),
     Site("buses wider than a lane", ((SHARES, "{Bus: 1}"), road(50, 150, 0, "line_m: 50"),

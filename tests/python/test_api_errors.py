@@ -81,7 +81,7 @@ MODELS: dict[str, tuple[Any, str]] = {
     "flat": (lambda p: boxes(dz=0.0), "dx, dy, dz: expected values above 0"),
     "score": (lambda p: boxes(score=7.0), "score: expected 0 to 1, got 7"),
     "degrees": (lambda p: boxes(heading=90.0), "heading: expected radians"),
-    "millimetres": (lambda p: boxes(dx=4500.0), "dx, dy, dz: expected metres"),
+    "millimetres": (lambda p: boxes(dx=4500.0), "dx, dy, dz: expected at most 100 m"),
     "type": (lambda p: boxes(type=3), "type: expected a name"),
     "two arguments": (lambda p, q: boxes(), "frame 0: .*TypeError"),
     "no callable": (3, "expected a detector or a callable, got int"),

@@ -353,7 +353,7 @@ def test_a_lidar_is_named_as_its_file(config: Path, capsys: pytest.CaptureFixtur
         (
             "val_from_s: 1.5",
             "val_from_s: 0.5",
-            "frames, split: val_from_s: expected 1 or more, got 0.5",
+            r"frames, split: val_from_s: expected train_until_s \(1\) or more, got 0.5",
         ),
         ("0:20:5", "'20:0'", "frames: expected A:B.*, got '20:0'"),
     ],

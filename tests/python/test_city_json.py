@@ -83,7 +83,7 @@ def test_a_file_of_the_ending_is_a_mesh(tmp_path: Path) -> None:
         ({"type": "FeatureCollection"}, "type: expected 'CityJSON', got 'FeatureCollection'"),
         ({"CityObjects": {}}, "expected objects with surfaces"),
         ({"vertices": [[0, 0]]}, "expected vertices of three numbers"),
-        ({"vertices": [[0, 0, 0]] * 3}, "expected vertices from 0 to 2, got 8 to 11"),
+        ({"vertices": [[0, 0, 0]] * 3}, "expected vertex indices from 0 to 2, got 8 to 11"),
         ({"transform": {"scale": [1]}}, "vertices, transform: expected"),
     ],
 )

@@ -184,7 +184,7 @@ WRONG_SCENES = {
         "weather.rain_mm_per_h", ["'-1'", "expected 0 to 300"]),
     "building on a lane": ("duration_s: 2",
         "buildings:\n  - {x_m: 0, y_m: 4, length_m: 5, width_m: 5, height_m: 9}",
-        "x_m", ["on a lane", "expected beside"]),
+        "x_m", ["on a lane", "expected a position beside"]),
     "flat building": ("duration_s: 2",
         "buildings: [{x_m: 0, y_m: 40, length_m: 5, width_m: 5, height_m: 0}]",
         "buildings.0.height_m", ["'0'", "above 0"]),
@@ -252,9 +252,9 @@ WRONG_LIDARS = {
     "no name": ("name: tiny", "name:",
         "name", ["got nothing", "expected a text"]),
     "name that is a path": ("name: tiny", "name: ../tiny",
-        "name", ["'../tiny'", "can be a folder"]),
+        "name", ["'../tiny'", "a name without /"]),
     "name of two columns": ("name: tiny", "name: a,b",
-        "name", ["'a,b'", "a word of a table"]),
+        "name", ["'a,b'", "a name without /, "]),
     "name that a spreadsheet runs": ("name: tiny", "name: =1+1",
         "name", ["'=1+1'", "begins with a letter, a digit or _"]),
     "name that is an option": ("name: tiny", "name: -rf",
@@ -351,11 +351,14 @@ def test_check_says_how_well_the_detection_law_meets_the_ranges(site: Site) -> N
     good = checked(210)
     assert good.stderr == (
         "infrasim: tiny: detection law: off by at most 0 %, "
-        "210 m by the nearest law for 210 m at 80 % in 100 klx\n"
+        "210 m by the fitted law for the published range of 210 m at 80 % in 100 klx\n"
     )
     assert good.stdout.startswith('name: "tiny"')
-    words = ("returns.detection.further_ranges: ", "expected ranges that one detection law meets")
-    assert_one_line(checked(600), site, f"{site.lidar}: ", *words, "by the nearest law for")
+    words = (
+        "returns.detection.further_ranges: ",
+        "expected ranges that one detection law predicts",
+    )
+    assert_one_line(checked(600), site, f"{site.lidar}: ", *words, "by the fitted law for")
 
 
 NUMBER = re.compile(r"(?<=[ \[])-?\d+(\.\d+)?(?=[\n,\]])")
@@ -395,7 +398,7 @@ def test_light_that_does_not_leave_a_prism(site: Site) -> None:
     )
     start, end = LIDAR.index("  spinning:"), LIDAR.index("presets:")
     site.lidar.write_text(f"{LIDAR[:start]}  {pattern}\n{LIDAR[end:]}")
-    words = ("tiny: pattern.prisms.prisms: ", "is reflected", "smaller angle_deg")
+    words = ("tiny: pattern.prisms.prisms: ", "total reflection", "smaller angle_deg")
     assert_one_line(site.run(), site, *words)
     check = site.infrasim("check", site.lidar)
     assert check.returncode == 2
@@ -419,12 +422,12 @@ def test_bundle_of_a_bundle(site: Site) -> None:
     site.lidar.rename(site.folder / "single.yaml")
     inner.write_text("name: inner\nbundle: [{lidar: single.yaml}]\n")
     site.lidar.write_text("name: outer\nbundle: [{lidar: inner.yaml}, {lidar: single.yaml}]\n")
-    assert_one_line(site.run(), site, "bundle: ", "got a bundle in it")
+    assert_one_line(site.run(), site, "bundle: ", "got the file of another bundle")
 
 
 def test_bundle_of_itself_ends(site: Site) -> None:
     site.lidar.write_text("name: outer\nbundle: [{lidar: lidar.yaml}]\n")
-    assert_one_line(site.run(), site, "bundle: ", "got a bundle in it")
+    assert_one_line(site.run(), site, "bundle: ", "got the file of another bundle")
 
 
 # Tables
@@ -710,7 +713,7 @@ def test_byte_that_is_no_text(byte: bytes, kind: str, site: Site) -> None:
         file.write_bytes(before + mark + byte + after)
         lines = (before + mark).split(b"\n")
         line, column = len(lines), len(lines[-1]) + 1
-        escaped = f"expected text in UTF-8, got the byte \\x{byte.hex()}"
+        escaped = f"expected printable text in UTF-8, got the byte \\x{byte.hex()}"
         assert_one_line(site.run(), site, f"{file}:{line}:{column}: (document): {escaped}")
         file.write_bytes(old)
 
@@ -812,7 +815,7 @@ def test_a_missing_file_is_named_with_its_key(case: str, site: Site) -> None:
     file.write_text(text)
     line = text[: text.index("no.")].count("\n") + 1
     result = site.run()
-    reason = "not there" if case == "trajectories" else "No such file or directory"
+    reason = "the file does not exist" if case == "trajectories" else "No such file or directory"
     words = (f"{file}:{line}:", f": {key}: {site.folder / 'no.'}", f": can't be read: {reason}")
     assert_one_line(result, site, *words, codes=(1,))
 

@@ -512,8 +512,8 @@ def test_weather_that_a_preset_does_not_feel_is_a_warning(
     result = infrasim(*run_command(frames="0:1"), *fog, "--out", tmp_path / "a")
     assert result.returncode == 0, result.stderr
     assert result.stderr == (
-        "infrasim: warning: helios_16, preset paper: weather: no effect, expected a preset that "
-        "has it, got no returns.detection\n"
+        "infrasim: warning: helios_16, preset paper: weather: no effect, because it affects only "
+        "LiDARs with returns.detection, which the preset lacks\n"
     )
 
 

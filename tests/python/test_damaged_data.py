@@ -112,7 +112,11 @@ def test_a_folder_named_by_a_dot_has_its_roads(
     [
         ("main,-100,", "main,", ":2: expected 7 columns ..., got 6"),
         ("main,-100,", "main,-99,", "road main: s: expected ascending values"),
-        (",10.0\nmain,-99", ",0\nmain,-99", ":2: half_width: expected more than 0 to 1000, got 0"),
+        (
+            ",10.0\nmain,-99",
+            ",0\nmain,-99",
+            ":2: half_width: expected more than 0, at most 1000, got 0",
+        ),
         (",10.0\nmain,-99", ",nan\nmain,-99", ":2: half_width: expected a finite number, got nan"),
     ],
 )

@@ -274,7 +274,7 @@ def test_labels_alone_give_captured_by_distance(tmp_path: Path) -> None:
     assert result.ap.ap.tolist() == [100]
     assert set(result.distance_ap.road) == {"distance"}
     assert result.distance_ap.s.min() == 10
-    with pytest.raises(ValueError, match="kitti: objects: expected this folder, got none"):
+    with pytest.raises(ValueError, match="kitti: expected a folder `objects`, got none"):
         evaluate(gt, tmp_path / "pred", Settings(ground_truths=("common",)))
 
 
@@ -579,7 +579,10 @@ def test_a_wrong_line_is_named(
     ("row_", "message"),
     [
         ("Car,20,3,-5,4,2,1.5,0", "000000.csv:2: expected 9 columns, got 8"),
-        ("Car,20,3,-5,4,-2,1.5,0,0.9", "000000.csv:2: dy: expected more than 0 to 10000, got -2"),
+        (
+            "Car,20,3,-5,4,-2,1.5,0,0.9",
+            "000000.csv:2: dy: expected more than 0, at most 10000, got -2",
+        ),
         ("Car,20,3,-5,4,2,1.5,nan,0.9", "000000.csv:2: heading: expected .*, got nan"),
         ("Car,20,3,-5,4,2,1.5,0,", "000000.csv:2: score: expected .*, got ''"),
     ],

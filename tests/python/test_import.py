@@ -562,7 +562,7 @@ def test_a_folder_that_is_there_stays(
     capsys.readouterr()
     fails(words, capsys, 1, "in/pole: expected a new or empty folder, got a folder with files")
     words[-1] = tmp_path / "in/second"
-    fails(words, capsys, 2, "expected a new folder", "does not share object ids")
+    fails(words, capsys, 2, "expected a new folder", "without these track ids")
     assert sorted(path.name for path in (tmp_path / "in").iterdir()) == ["dataset.yaml", "pole"]
 
 
@@ -580,7 +580,7 @@ def test_lidars_of_other_tables_need_another_data_set(tmp_path: Path) -> None:
         file = other / f"v1.0/{table}.json"
         file.write_text(file.read_text().replace('"i"', '"j"'))
     import_recording(tables(tmp_path / "a"), "nuscenes", tmp_path / "in/pole", FACTS, Options())
-    with pytest.raises(ValueError, match="does not share object ids"):
+    with pytest.raises(ValueError, match="without these track ids"):
         import_recording(other, "nuscenes", tmp_path / "in/other", FACTS, Options())
     assert read_data_set(tmp_path / "in").names == ("pole",)
 

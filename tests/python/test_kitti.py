@@ -285,7 +285,7 @@ def test_frame_without_vehicles_has_none(tmp_path: Path) -> None:
         ),
         (
             f"{HEADER}\n{VEHICLE.replace('4.5', '-4.5')}\n",
-            ":2: dx: expected more than 0.001 to 1000, got -4.5",
+            ":2: dx: expected more than 0.001, at most 1000, got -4.5",
         ),
         (f"{HEADER}\n{VEHICLE.replace('12', '-1')}\n", ":2: points: expected a whole ..., got -1"),
         (
@@ -405,7 +405,7 @@ def test_empty_label_file_is_a_frame_without_objects(tmp_path: Path) -> None:
     ("text", "message"),
     [
         (f"{LABEL}\n{LABEL.replace(' 10 ', ' far ')}\n", ":2: z: expected a number, got 'far'"),
-        (LABEL.replace("1.6 1.8", "1.6 0"), ":1: w: expected more than 0.001 to 1000, got 0"),
+        (LABEL.replace("1.6 1.8", "1.6 0"), ":1: w: expected more than 0.001, at most 1000, got 0"),
         (LABEL.replace(" 10 ", " inf "), ":1: z: expected a finite number, got inf"),
         (b"Car \xff", ": expected UTF-8, got an invalid byte at offset 4"),
     ],

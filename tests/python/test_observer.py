@@ -109,7 +109,9 @@ def test_a_pose_in_a_lane_or_below_the_road_has_a_fault(observer: simulation.Obs
 def test_other_frames_than_those_of_the_observer_are_refused(
     observer: simulation.Observer,
 ) -> None:
-    with pytest.raises(pi.Error, match="frames: expected frames of the observer, got 41"):
+    with pytest.raises(
+        pi.Error, match="frames: expected a frame for which the observer was made, got 41"
+    ):
         observer.present([41])
     with pytest.raises(pi.Error, match="frames: expected 0 to 4999, got 5000"):
         simulation.load_observer(scene_file("crossroad"), [5000])

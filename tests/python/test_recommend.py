@@ -681,13 +681,19 @@ def test_an_answer_needs_neither_plots_nor_networks() -> None:
     ("words", "message"),
     [
         (["--budget", "0"], "--budget: expected above 0, got 0"),
-        (["--budget", "9", "--range", "200"], "--range: expected above 0 to 100, got 200"),
+        (["--budget", "9", "--range", "200"], "--range: expected above 0 and at most 100, got 200"),
         (
             ["--budget", "9", "--scene", "moon"],
             "--scene: expected one of the scenes road; got 'moon'",
         ),
-        (["--budget", "9", "--min-ap", "0.85"], "expected above 1 to 100, got 0.85; AP is 0 to"),
-        (["--budget", "9", "--min-ap", "101"], "--min-ap: expected above 1 to 100, got 101"),
+        (
+            ["--budget", "9", "--min-ap", "0.85"],
+            "expected above 1 and at most 100, got 0.85; AP is",
+        ),
+        (
+            ["--budget", "9", "--min-ap", "101"],
+            "--min-ap: expected above 1 and at most 100, got 101",
+        ),
         (["--budget", "nan"], "--budget: expected above 0, got nan"),
         (["--budget", "9", "--latency", "-1"], "--latency: expected above 0, got -1"),
         (

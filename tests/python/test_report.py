@@ -358,7 +358,7 @@ def test_the_report_of_an_own_site_takes_the_limits_of_recommend(
         main.main(["report", str(results), "--min-ap", "0.85", "--out", str(tmp_path / "a.html")])
         == 2
     )
-    assert "--min-ap: expected above 1 to 100, got 0.85" in capsys.readouterr().err
+    assert "--min-ap: expected above 1 and at most 100, got 0.85" in capsys.readouterr().err
 
 
 @pytest.mark.usefixtures("undrawn")

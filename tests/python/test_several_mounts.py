@@ -125,7 +125,7 @@ def test_some_mounts_have_the_bytes_of_a_scene_of_these_alone(runs: Runs, digest
 @pytest.mark.parametrize("words", ["left,middle", "left,left"])
 def test_mounts_that_cannot_be_chosen_are_named(runs: Runs, words: str) -> None:
     wrong = words.partition(",")[2]
-    with pytest.raises(RuntimeError, match=f"--mount: expected some of .*got '{wrong}'"):
+    with pytest.raises(RuntimeError, match=f"--mount: expected one or more of .*got '{wrong}'"):
         runs("wrong", "--mount", words)
 
 
@@ -431,12 +431,12 @@ def test_a_stream_takes_a_mount_s_name(runs: Runs, tmp_path: Path) -> None:
         (["--mount", "middle"], {}, "mount: expected right, left, got 'middle'"),
         (["--fuse", "--mount", "left"], {}, "--fuse: expected several mounts, got --mount left"),
         (["--fuse"], {"left": None}, "--fuse: expected several mounts, got a scene with one"),
-        ([], {"fused": MOUNTS["left"]}, "mounts: expected letters, ..., got 'fused'"),
-        ([], {"a/b": MOUNTS["left"]}, "mounts: expected letters, ..., got 'a/b'"),
+        ([], {"fused": MOUNTS["left"]}, "mounts: expected a name of letters, ..., got 'fused'"),
+        ([], {"a/b": MOUNTS["left"]}, "mounts: expected a name of letters, ..., got 'a/b'"),
         (
             [],
             {"left": {"y_m": 2, "z_m": 3}},
-            "mounts.left.z_m: expected ..., got 3, where vehicles hit it",
+            "mounts.left.z_m: expected ..., got 3, where vehicles hit the LiDAR",
         ),
         (
             [],
@@ -451,7 +451,7 @@ def test_a_stream_takes_a_mount_s_name(runs: Runs, tmp_path: Path) -> None:
         (
             ["--set", "static_layers={helios_16: a.layer}"],
             {},
-            "static_layers: expected one mount, got several; the file was made at one place",
+            "static_layers: expected one mount, got several; a file ... at one mount only",
         ),
     ],
 )

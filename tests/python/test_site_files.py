@@ -296,6 +296,9 @@ def test_a_site_without_its_trajectories_yet_is_checked_but_for_them(
     ):
         result = infrasim(*words)
         assert result.returncode == 1
-        assert f"{file}: can't be read: not there; `pyinfra site traffic`" in result.stderr
+        assert (
+            f"{file}: can't be read: the file does not exist; `pyinfra site traffic`"
+            in result.stderr
+        )
     (scene.parent / "lanes.csv").unlink()
     assert infrasim("check", scene).returncode == 1

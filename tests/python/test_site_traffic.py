@@ -194,7 +194,7 @@ def test_only_errors_of_routes_leave_trips_out() -> None:
 
 def test_a_small_map_is_refused_with_its_reach(folder: Path) -> None:
     net = data.crossing(folder / "small", arm_m=60)
-    with pytest.raises(ValueError, match=r"it reaches \d+ m"):
+    with pytest.raises(ValueError, match=r"the map reaches \d+ m"):
         simulate(net, data.FOOT, Demand(600), 10, seed=1)
 
 

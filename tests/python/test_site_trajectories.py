@@ -351,7 +351,7 @@ BROKEN_XML = {
     ("name", "text", "expected"),
     [(f"{name}.csv", *row) for name, row in BROKEN.items()]
     + [(f"{name}.xml", *row) for name, row in BROKEN_XML.items()]
-    + [("plain.gz", FCD, "expected a complete .gz file, got a damaged one")],
+    + [("plain.gz", FCD, "expected a complete .gz file, got a damaged file")],
 )
 def test_a_broken_file_gives_one_line_and_leaves_the_site(
     site: Path, capsys: pytest.CaptureFixture[str], name: str, text: str, expected: str

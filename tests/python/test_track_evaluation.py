@@ -220,7 +220,7 @@ def test_the_order_and_clock_of_tracks_change_no_measure(
 def test_tracks_of_other_frames_or_without_a_column_are_refused(
     frames: SimulatedFrames, tracks: pd.DataFrame
 ) -> None:
-    with pytest.raises(Error, match="expected frames of `frames`, got 60"):
+    with pytest.raises(Error, match="expected frame numbers of `frames`, got 60"):
         pi.evaluate_tracks(frames[:60], tracks)
     with pytest.raises(Error, match="expected the columns id, state"):
         pi.evaluate_tracks(frames, tracks.drop(columns=["id", "state"]))

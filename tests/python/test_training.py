@@ -517,7 +517,7 @@ def test_what_is_no_checkpoint_is_named_and_never_run(tmp_path: Path) -> None:
             checkpoint.load(tmp_path / "bad.safetensors")
     save_file({}, tmp_path / "bad.safetensors", metadata={"about": "{a: [1"})
     with pytest.raises(
-        ConfigError, match=r"bad.safetensors: expected .*, got weights without `about`"
+        ConfigError, match=r"bad.safetensors: expected .*, got a file without metadata `about`"
     ):
         checkpoint.load(tmp_path / "bad.safetensors")
     assert not (tmp_path / "ran").exists()
@@ -585,7 +585,7 @@ def test_two_clouds_of_one_name_are_not_written_over_one_another(
     words = ["detect", str(cloud), other, "--model", str(trained), "--out", str(tmp_path / "pred")]
     assert main.main(words) == 2
     assert (
-        f"expected point clouds of different names with --out, got the name of {cloud}"
+        f"expected point clouds of different names with --out, got the same name as {cloud}"
         in capsys.readouterr().err
     )
     assert not (tmp_path / "pred").exists()
@@ -690,7 +690,7 @@ def test_a_model_of_anywhere_needs_the_height_of_the_road(
     lower = rows_of(capsys, "--model", sure, cloud, "--height-m", 5.5)
     assert lower != rows
     assert main.main(["detect", str(cloud), "--model", str(sure), "--height-m", "-6"]) == 2
-    assert "--height-m: expected more than 0 to 100, got -6" in capsys.readouterr().err
+    assert "--height-m: expected more than 0, at most 100, got -6" in capsys.readouterr().err
 
 
 def test_a_pcd_file_gives_the_boxes_of_the_bin(

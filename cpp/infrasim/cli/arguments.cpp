@@ -35,13 +35,13 @@ FrameRange parse_frames(const std::string& text, int frames, const std::string& 
       range.last > frames)
     throw ConfigError(
         "--frames: expected A:B or A:B:STEP with 0 <= A < B <= " + std::to_string(frames) +
-        (reason.empty() ? "" : " (" + reason + ")") + " and STEP from 1, got '" + text + "'");
+        (reason.empty() ? "" : " (" + reason + ")") + " and STEP >= 1, got '" + text + "'");
   return range;
 }
 
 std::uint64_t parse_seed(const std::string& text) {
   const auto seed = parse_number<std::uint64_t>(text);
-  if (!seed) throw ConfigError("--seed: expected a whole number from 0, got '" + text + "'");
+  if (!seed) throw ConfigError("--seed: expected a whole number of 0 or more, got '" + text + "'");
   return *seed;
 }
 

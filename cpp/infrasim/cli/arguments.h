@@ -10,10 +10,10 @@ namespace infrasim::cli {
 
 /// Parses a frame range A:B or A:B:STEP, which excludes frame B. B is at most `frames`.
 /// @param reason why there are no more frames, for the message
-/// @throws ConfigError
+/// @throws ConfigError if the text is not such a range
 FrameRange parse_frames(const std::string& text, int frames, const std::string& reason = "");
 
-/// @throws ConfigError
+/// @throws ConfigError if the text is not a whole number of 0 or more
 std::uint64_t parse_seed(const std::string& text);
 
 /// Refuses an output file that the command has read.

@@ -30,8 +30,8 @@ void take(std::span<const double>& numbers, std::array<double, 3>& values) {
 
 void take(std::span<const double>& numbers, std::vector<Vec2>& outline) {
   if (numbers.size() % 2 != 0)
-    throw ConfigError("--crop-polygon: expected an even count, got " +
-                      std::to_string(numbers.size()) + " numbers: x,y,x,y,...");
+    throw ConfigError("--crop-polygon: expected an even number of values (x,y,x,y,...), got " +
+                      std::to_string(numbers.size()) + " values");
   while (!numbers.empty()) {
     Vec2& corner = outline.emplace_back();
     take(numbers, corner.x);

@@ -55,12 +55,12 @@ std::set<std::string> law_errors(const std::filesystem::path& file, const LidarC
     if (!returns.detection || returns.detection->further_ranges.empty()) continue;
     const LawRange worst = worst_of_law(*returns.detection, returns.max_range_m);
     const auto n = [](double v) { return config::number_text(std::round(v * 10) / 10); };
-    const std::string law =
-        n(worst.law_m) + " m by the nearest law for " + range_text(worst.published);
+    const std::string law = n(worst.law_m) + " m by the fitted law for the published range of " +
+                            range_text(worst.published);
     if (std::abs(worst.error()) > kMostOff)
       throw ConfigError(file.string() +
                         ": returns.detection.further_ranges: expected ranges that one detection " +
-                        "law meets within " + n(100 * kMostOff) + " %, got " + law);
+                        "law predicts within " + n(100 * kMostOff) + " %, got " + law);
     std::string line = lidar.name + ": detection law: off by at most ";
     line += n(100 * std::abs(worst.error())) + " %, " + law;
     lines.insert(line);
@@ -210,7 +210,8 @@ void check_command(const CheckOptions& o) {
     return;
   }
   if (lidar) {
-    if (!o.assignments.empty()) throw ConfigError("--set: use it with a scene, not with a LiDAR file");
+    if (!o.assignments.empty())
+      throw ConfigError("--set: use it with a scene, not with a LiDAR file");
     if (o.traffic) throw ConfigError("--traffic: use it with a scene, not with a LiDAR file");
     if (!o.lidars.empty()) throw ConfigError("--lidar: use it with a scene, not with a LiDAR file");
     std::fputs(dump_lidar(checked_lidar(file, o.preset, o.changes)).c_str(), stdout);

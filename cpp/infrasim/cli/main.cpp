@@ -112,7 +112,7 @@ int main(int argc, char** argv) {
   } catch (const infrasim::ConfigError& e) {
     return complain(e.what(), kWrong);
   } catch (const std::bad_alloc&) {
-    return complain("infrasim: not enough memory: expected fewer frames or rays", kFailed);
+    return complain("infrasim: not enough memory; use fewer frames or rays", kFailed);
   } catch (const std::exception& e) {
     return complain(e.what(), kFailed);
   }

@@ -76,8 +76,8 @@ void keep_mounts(SceneConfig& scene, std::vector<std::string> names) {
     kept[name] = mount;
   }
   if (!names.empty())
-    throw ConfigError("--mount: expected some of " + listed(std::views::keys(scene.mounts)) +
-                      ", each once, got '" + names.front() + "'");
+    throw ConfigError("--mount: expected one or more of " + listed(std::views::keys(scene.mounts)) +
+                      ", each at most once, got '" + names.front() + "'");
   scene.mounts = std::move(kept);
 }
 

@@ -47,7 +47,7 @@ std::vector<StaticHits> recorded_units(const SceneConfig& scene, const LidarConf
       "checked, from the elevations\n",
       pose.c_str());
   for (std::size_t i = 0; i < layer.azimuth_offsets_deg.size(); ++i)
-    std::printf("unit %zu: columns %+.4f degrees from the LiDAR's\n", i,
+    std::printf("unit %zu: columns %+.4f degrees from those of the LiDAR's file\n", i,
                 layer.azimuth_offsets_deg[i]);
   if (layer.too_far > 0)
     std::fprintf(stderr, "infrasim: warning: %s: removed %zu returns beyond the LiDAR's range\n",

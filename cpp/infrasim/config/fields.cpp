@@ -72,7 +72,7 @@ std::string quoted(const std::string& text) {
   return out + '"';
 }
 
-/// Returns whether readers of YAML 1.1 take a word for a truth value or nothing.
+/// Returns whether a reader of YAML 1.1 would read a word as a boolean or as null.
 bool is_yaml_word(std::string word) {
   constexpr std::array<std::string_view, 10> kWords{"y",   "n",    "yes",   "no",   "on",
                                                     "off", "true", "false", "null", "~"};
@@ -80,8 +80,8 @@ bool is_yaml_word(std::string word) {
   return std::ranges::find(kWords, std::string_view(word)) != kWords.end();
 }
 
-/// Returns whether a name can be written without quotes. A name that begins with a letter is no
-/// number.
+/// Returns whether a name can be written without quotes. Such a name begins with a letter, so YAML
+/// readers do not read it as a number.
 bool plain(const std::string& name) {
   const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
   return !name.empty() && letter(name.front()) && std::ranges::all_of(name, [&](char c) {
@@ -197,7 +197,7 @@ void FieldReader::read(const Tree& tree, const std::string& key, std::uint64_t& 
                        const Rule& /*rule*/) {
   const auto number = parse_number<std::uint64_t>(tree.scalar);
   if (tree.kind != Tree::Kind::kScalar || !number)
-    fail(tree.place, key, expected("a whole number from 0", tree));
+    fail(tree.place, key, expected("a whole number of 0 or more", tree));
   value = *number;
 }
 

@@ -43,7 +43,7 @@ inline Rule at_least_one() { return {-1e9, 1e9, false, true, 1}; }
 std::string number_text(double value);
 
 /// Returns a name as it is written in YAML: in quotes if it has other characters than letters,
-/// digits and _, or if YAML readers take it for a number, a truth value or nothing.
+/// digits and _, or if YAML readers would read it as a number, a boolean or null.
 std::string quoted_name(const std::string& name);
 
 /// Returns whether a text begins with a letter, a digit or _. Shells and spreadsheets give a
@@ -69,9 +69,8 @@ concept Struct = std::is_class_v<T> && !Map<T> && !std::is_same_v<T, std::string
 class FieldReader {
  public:
   FieldReader(const Tree& map, std::string path) : map_(map), path_(std::move(path)) {}
-  /// @throws ConfigError if the tree is no map or has an unknown key; if all keys are known, for
-  /// the
-  ///   first failed check
+  /// @throws ConfigError if the tree is not a map or has an unknown key; otherwise, for the first
+  ///   check that failed
   void finish() const;
 
   template <class T>

@@ -65,7 +65,8 @@ void visit(Fields& f, FilterConfig& c) {
                             c.step = *step;
                             ++steps;
                           });
-  f.check(steps == 1, "crop_box", "expected one step per entry, got none or several");
+  f.check(steps == 1, "crop_box",
+          "expected one filter in each entry of filters, got none or several");
 }
 
 template void visit(config::FieldReader&, FilterConfig&);

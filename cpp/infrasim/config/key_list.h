@@ -127,7 +127,8 @@ std::string list_keys() {
   return lister.text();
 }
 
-/// Returns the keys of a scene file, or of a LiDAR file, in the format of FieldLister.
+/// Returns a table of all keys of a scene file (first function) or of a LiDAR file (second
+/// function). FieldLister describes its columns.
 std::string list_scene_keys();
 std::string list_lidar_keys();
 

@@ -32,8 +32,8 @@ void set_rate(SpinningConfig& spinning, double rate_hz) {
   }
   const auto ratio = ratio_of(spinning.rate_hz, rate_hz);
   if (!ratio)
-    throw ConfigError("rate_hz: expected a short ratio to " +
-                      config::number_text(spinning.rate_hz) + ", such as 20 to 10, got " +
+    throw ConfigError("rate_hz: expected a ratio of small whole numbers to the rate of " +
+                      config::number_text(spinning.rate_hz) + " Hz, such as 20 to 10, got " +
                       config::number_text(rate_hz));
   std::optional<Fraction> columns = columns_per_turn(spinning);
   if (columns) {

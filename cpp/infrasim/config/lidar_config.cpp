@@ -80,8 +80,8 @@ void visit(Fields& f, LidarFile& c) {
   f.field("name", c.name, "name of the LiDAR and of the folder of its frames", required());
   f.check(c.name.find_first_of("/\\,\"\n") == std::string::npos && config::begins_as_name(c.name),
           "name",
-          "expected a name that can be a folder and a word of a table, and begins "
-          "with a letter, a digit or _, got '" +
+          "expected a name without /, \\, comma, quote and newline that begins with a letter, a "
+          "digit or _, got '" +
               c.name + "'");
   f.field("model", c.model, "vendor and product");
   f.field("price_usd", c.price_usd, "price of one unit");
@@ -92,8 +92,8 @@ void visit(Fields& f, LidarFile& c) {
       "several LiDARs that count as one; in a resolved file, pattern and returns replace lidar");
   const bool single = c.pattern && c.returns && c.price_usd && c.bundle.empty();
   f.check(single || is_bundle(c), "bundle",
-          "expected pattern, returns and price_usd, or bundle alone, or price_usd "
-          "and a bundle without files, got an incomplete LiDAR");
+          "expected pattern, returns and price_usd; or only a bundle of LiDAR files; or price_usd "
+          "and a bundle of entries with pattern and returns; got another combination of keys");
 }
 
 /// Returns the tree of a LiDAR file, merged with the keys of one preset.
@@ -133,11 +133,11 @@ void resolve_rate(const std::filesystem::path& file, TableConfig& c) {
   const double last_s = c.times_s.empty() ? 0 : c.times_s.back();
   if (c.rays_per_s == 0 && last_s > 0) c.rays_per_s = (rows - 1) / last_s;
   if (c.rays_per_s < kFewestPerSecond || c.rays_per_s > kMostRaysPerSecond)
-    config::fail(
-        {file.string()}, "rays_per_s",
-        "expected " + config::number_text(kFewestPerSecond) + " to " +
-            config::number_text(kMostRaysPerSecond) + ", got " +
-            (c.rays_per_s == 0 ? "none, and no times" : config::number_text(c.rays_per_s)));
+    config::fail({file.string()}, "rays_per_s",
+                 "expected " + config::number_text(kFewestPerSecond) + " to " +
+                     config::number_text(kMostRaysPerSecond) + ", got " +
+                     (c.rays_per_s == 0 ? "no value, and a table without times"
+                                        : config::number_text(c.rays_per_s)));
   if (last_s > 0 && last_s >= rows / c.rays_per_s)
     config::fail({file.string()}, "rays_per_s",
                  "expected below " + config::number_text(rows / last_s) + ", as the last row is " +
@@ -227,7 +227,8 @@ LidarUnit unit_of_file(const std::filesystem::path& file, const BundleEntry& ent
   const auto keys = config::read_struct<LidarFile>(
       config::read_named(entry.lidar_key, [&] { return preset_tree(part_file, preset); }));
   if (!keys.bundle.empty())
-    config::fail({file.string()}, "bundle", "expected single LiDARs, got a bundle in it");
+    config::fail({file.string()}, "bundle",
+                 "expected files of single LiDARs, got the file of another bundle");
   add_price(*keys.price_usd, sum);
   LidarUnit unit = unit_of(part_file, keys);
   // The path of the table becomes relative to the file of the bundle.
@@ -248,7 +249,7 @@ LidarConfig lidar_of(const std::filesystem::path& file, const LidarFile& keys,
     unit.pitch_deg = entry.pitch_deg;
     if (period_s(unit.pattern) != period_s(out.units.front().pattern))
       config::fail({file.string()}, "bundle",
-                   "expected units of one frame period, got " +
+                   "expected units with the same frame period, got " +
                        config::number_text(period_s(out.units.front().pattern)) + " s and " +
                        config::number_text(period_s(unit.pattern)) + " s");
   }
@@ -304,7 +305,7 @@ double period_s(std::span<const LidarConfig> lidars) {
       const auto text = [](const LidarConfig& one) {
         return one.name + " with " + config::number_text(period_s(one)) + " s";
       };
-      throw ConfigError("lidars: expected one period in a run, got " + text(first) + " and " +
+      throw ConfigError("lidars: expected one frame period in a run, got " + text(first) + " and " +
                         text(lidar));
     }
   return period_s(first);

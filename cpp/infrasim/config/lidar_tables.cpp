@@ -60,7 +60,7 @@ FiringTable read_npy_table(const std::filesystem::path& file) {
     const double least = table.times_s.empty() ? 0 : table.times_s.back();
     check(time >= least && time <= kLongestTable_s,
           "time: expected " + number_text(least) + " to " + number_text(kLongestTable_s) +
-              " s, none before the row above, got " + number_text(time));
+              " s, and no time before that of the row above, got " + number_text(time));
     table.times_s.push_back(time);
   }
   return table;

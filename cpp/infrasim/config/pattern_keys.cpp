@@ -201,7 +201,7 @@ void visit(Fields& f, PrismsConfig& c) {
   f.check(passages <= kMostPassagesPerSecond, "steps_per_s",
           "expected up to " + config::number_text(kMostPassagesPerSecond) + ", got " +
               config::number_text(passages) +
-              " passages of light through prisms a second (steps, lasers and prisms)");
+              " passages of light through prisms per second (steps_per_s x lasers x prisms)");
 }
 
 template <class Fields>

@@ -54,8 +54,8 @@ namespace {
 constexpr double kMostFalseAlarms = 1e-4;
 
 /// Returns a text with two published ranges that contradict each other; empty if there are none.
-/// Two ranges contradict each other if the shorter one is that of a target with no lower
-/// reflectance and no more sunlight.
+/// Two ranges contradict each other if the target of the shorter one has the same or a higher
+/// reflectance and the same or less sunlight.
 std::string contradiction(const DetectionConfig& detection) {
   const std::vector<PublishedRange> ranges = published_ranges(detection);
   for (const PublishedRange& a : ranges)
@@ -92,7 +92,7 @@ void visit(Fields& f, DetectionConfig& c) {
               ", at which " + config::number_text(std::round(1e6 * false_alarms) / 1e4) +
               " % of them return");
   f.check(!c.law_exponent || c.further_ranges.empty(), "law_exponent",
-          "expected no further_ranges beside it, because they determine the exponent, got both");
+          "expected law_exponent or further_ranges, which determine the exponent, got both");
   const std::string both = contradiction(c);
   f.check(both.empty(), "further_ranges",
           "expected ranges that grow with reflectance and shrink with sunlight, got " + both);
@@ -159,7 +159,7 @@ void visit(Fields& f, ReturnsConfig& c) {
   f.field("beam", c.beam, "beam with a divergence");
   f.field("echoes", c.echoes, "echoes of a ray that become points");
   f.check(c.detection || !c.echoes || c.echoes->mode == EchoMode::kStrongest, "echoes",
-          "expected mode strongest, because returns.detection is missing, got another");
+          "expected mode strongest, because returns.detection is missing, got another mode");
   f.check(c.max_range_m > c.min_range_m, "max_range_m",
           "expected above min_range_m, got min_range_m or less");
 }

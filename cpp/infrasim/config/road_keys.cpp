@@ -58,8 +58,8 @@ void visit(Fields& f, RoadConfig& c) {
   const double half = lanes_half_width(l) + l.shoulder_m + l.sidewalk_m;
   for (const CentrelinePiece& piece : c.centreline)
     f.check(piece.radius_m == 0 || piece.radius_m > half, "centreline",
-            "expected above half the road's width, " + config::number_text(half) +
-                ", got a radius_m of " + config::number_text(piece.radius_m));
+            "expected a radius_m above half the road's width, " + config::number_text(half) +
+                " m, got a radius_m of " + config::number_text(piece.radius_m));
 }
 
 template <class Fields>
@@ -77,10 +77,12 @@ void visit(Fields& f, ProfileConfig& c) {
   for (std::size_t i = 1; i < c.points_m.size(); ++i) {
     const Vec2 step = c.points_m[i] - c.points_m[i - 1];
     f.check(step.x >= c.vertical_curve_m, "points_m",
-            "expected from vertical_curve_m, " + config::number_text(c.vertical_curve_m) +
-                ", on, got a point " + config::number_text(step.x) + " m after the one before");
+            "expected points at least vertical_curve_m (" +
+                config::number_text(c.vertical_curve_m) + " m) apart, got a point " +
+                config::number_text(step.x) + " m after the one before");
     f.check(std::abs(step.y) <= kSteepest * step.x + 1e-9, "points_m",
-            "expected up to " + config::number_text(100 * kSteepest) + " %, got a grade of " +
+            "expected grades of up to " + config::number_text(100 * kSteepest) +
+                " %, got a grade of " +
                 config::number_text(std::round(1e6 * step.y / step.x) / 1e4) + " %");
   }
 }

@@ -104,8 +104,8 @@ void check_mounts(Fields& f, const SceneConfig& c) {
   for (const auto& [name, mount] : c.mounts) {
     const bool several = c.mounts.size() > 1;
     f.check(!several || (is_folder_name(name) && name != kFusedName), "mounts",
-            std::string("expected letters, digits, _ and -, and not ") + kFusedName + ", got '" +
-                name + "' of several");
+            std::string("expected a name of letters, digits, _ and - other than ") + kFusedName +
+                ", because the scene has several mounts, got '" + name + "'");
     f.check(several || !mount.calibration_error, "mounts",
             "expected no calibration_error with a single mount, got one");
   }
@@ -185,7 +185,7 @@ void visit(Fields& f, SceneConfig& c) {
           "expected trajectories with lanes of a file, got traffic, which needs "
           "roads");
   f.check(!c.static_layers || c.mounts.size() <= 1, "static_layers",
-          "expected one mount, got several; the file was made at one place");
+          "expected one mount, got several; a file of static points is valid at one mount only");
   f.check(c.traffic.has_value() == c.trajectories.empty(), "traffic",
           "expected either traffic or trajectories, got both or neither");
 }

@@ -6,8 +6,9 @@
 #include "infrasim/config/key_list.h"
 #include "infrasim/config/scene_config.h"
 
-// Functions that visit the keys of a scene file. The template parameter Fields is FieldReader,
-// FieldWriter or FieldLister.
+// Functions that visit the keys of a scene file: each function passes keys and their values to a
+// Fields object. Fields is FieldReader, which reads the values, FieldWriter, which writes them, or
+// FieldLister, which lists the keys.
 
 namespace infrasim {
 

@@ -138,8 +138,7 @@ template <class Fields>
 void visit_static_objects(Fields& f, SceneConfig& c) {
   f.field("meshes", c.meshes, "triangle meshes from files", config::Rule{.min_items = 1});
   f.check(!c.profile || !(c.lanes || c.meshes), "profile",
-          "expected none with lanes or meshes, which have their own heights, got "
-          "one");
+          "expected no profile with lanes or meshes, which have their own heights, got one");
   f.field("ground", c.ground, "areas of terrain");
   f.field("buildings", c.buildings, "buildings, which are upright boxes");
   f.field("barriers", c.barriers, "walls along roads");

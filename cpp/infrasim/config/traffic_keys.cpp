@@ -34,7 +34,7 @@ void visit_shares(Fields& f, std::map<std::string, double>& shares, const std::s
             "expected " + vehicles + ", got unknown class '" + name + "'");
     f.check(object_class == nullptr || object_class->vehicle || share == 0, "class_shares",
             "expected " + vehicles + ", got " + name + ", which " + why_not +
-                "; trajectories may have all");
+                "; trajectories may have all classes");
     sum += share;
   }
   f.check(sum > 0, "class_shares", "expected above 0, got a sum of 0");
@@ -48,7 +48,7 @@ void visit(Fields& f, TrafficConfig& c) {
   f.field("speed", c.speed, "desired speeds", required());
   f.field("warm_up_s", c.warm_up_s, "time for which the traffic is simulated before frame 0",
           between(0, 1e4));
-  visit_shares(f, c.class_shares, "has no speed and way of its own in traffic");
+  visit_shares(f, c.class_shares, "is not simulated as traffic on lanes");
   double sum = 0, sum_of_lengths = 0;
   for (const auto& [name, share] : c.class_shares) {
     sum += share;
@@ -57,8 +57,9 @@ void visit(Fields& f, TrafficConfig& c) {
   }
   const double most = std::floor(1000 / (sum_of_lengths / sum + kStandstillGap_m));
   f.check(!(c.vehicles_per_km_lane > most), "vehicles_per_km_lane",
-          "expected up to " + config::number_text(most) + ", vehicles of these classes with " +
-              config::number_text(kStandstillGap_m) + " m between them, got " +
+          "expected up to " + config::number_text(most) +
+              ", the density of these vehicle classes with gaps of " +
+              config::number_text(kStandstillGap_m) + " m, got " +
               config::number_text(c.vehicles_per_km_lane));
 }
 

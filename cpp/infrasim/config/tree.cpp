@@ -114,7 +114,8 @@ Tree& child(Tree& tree, const std::string& step, const std::string& option) {
     const auto index = parse_number<std::size_t>(step);
     if (!index || *index >= tree.items.size())
       fail({option}, step,
-           "expected 0 to " + std::to_string(tree.items.size()) + " - 1, got no such list entry");
+           "expected the index of a list entry, 0 to below " + std::to_string(tree.items.size()) +
+               ", got no such list entry");
     return tree.items[*index];
   }
   if (tree.kind == Tree::Kind::kScalar)
@@ -167,7 +168,7 @@ void check_characters(const std::string& text, const std::string& name) {
     const auto line_start = text.rfind('\n', at) + 1;  // in the first line, npos + 1 is 0
     const auto line = std::count(text.begin(), text.begin() + static_cast<long>(at), '\n') + 1;
     fail({name, static_cast<int>(line), static_cast<int>(at - line_start) + 1}, "(document)",
-         "expected text in UTF-8, got the byte " + std::string(1, byte));
+         "expected printable text in UTF-8, got the byte " + std::string(1, byte));
   }
 }
 

@@ -24,7 +24,7 @@ std::optional<Aggregation> parse_aggregation(const std::string& word);
 struct WorldSlice {
   double from = 0;
   double to = 1;
-  bool frozen = false;  ///< whether objects stand still, as at the middle of the slice
+  bool frozen = false;  ///< whether objects stand still, where they are at the middle of the slice
   double middle() const { return (from + to) / 2; }
 };
 

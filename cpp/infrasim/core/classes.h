@@ -39,7 +39,8 @@ struct ObjectClass {
 };
 
 /// Sizes come from the blueprints of CARLA 0.9.15. Sizes of buses and pedestrians come from the
-/// nuScenes anchors, whose standard deviations are unpublished and are taken as 5 %.
+/// nuScenes anchors, whose standard deviations are unpublished and are assumed to be 5 % of the
+/// mean.
 inline constexpr std::array<ObjectClass, 7> kObjectClasses{{
     {Class::kCar, "Car", {4.53, 0.71}, {1.95, 0.16}, {1.57, 0.17}, true},
     {Class::kVan, "Van", {5.30, 0.85}, {2.05, 0.21}, {2.25, 0.25}, true},

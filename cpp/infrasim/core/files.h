@@ -39,8 +39,8 @@ inline constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
 std::string unix_text(std::string text);
 
 /// Returns the paths of the entries of a folder. If an error occurs, the function sets `error` and
-/// returns the entries before it. A loop over a std::filesystem::directory_iterator throws another
-/// exception if it can't go on.
+/// returns the entries before it. A range-based loop over a std::filesystem::directory_iterator
+/// would throw a filesystem_error, which is not an error of this program.
 std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folder,
                                               std::error_code& error);
 

@@ -30,8 +30,9 @@ struct CropRange {
   double max_m = 0;
 };
 
-/// Keeps points within an interval of azimuth and an interval of elevation. Azimuth runs from min
-/// towards +y up to max. If min > max, the interval contains 180 degrees.
+/// Keeps points within an interval of azimuth and an interval of elevation. The azimuth is 0 along
+/// +x and increases towards +y. The interval goes from min in this direction to max. If min > max,
+/// the interval contains 180 degrees.
 struct CropFieldOfView {
   double azimuth_min_deg = -180;
   double azimuth_max_deg = 180;
@@ -46,11 +47,11 @@ struct GroundHeight {
 
 /// Removes the points within `distance_m` of the largest nearly horizontal plane (tilt up to
 /// `max_tilt_deg`). PCL's RANSAC finds the plane with a fixed random seed. The plane must lie
-/// `sensor_height_m` below the sensor, within 0.5 m. If `sensor_height_m` is 0, a plane at any
-/// height is accepted. On an embankment, the plane is then the road or the terrain, whichever has
-/// more points. In a scene file, 0 means the mount's height above the first road. The filter
-/// removes only one plane. If no plane is found, every point is kept. The filter must run before
-/// any other ground filter, because without ground points the largest plane is a roof.
+/// `sensor_height_m` below the sensor, with a tolerance of 0.5 m. If `sensor_height_m` is 0, a
+/// plane at any height is accepted. On an embankment, the plane is then the road or the terrain,
+/// whichever has more points. In a scene file, 0 means the mount's height above the first road. The
+/// filter removes only one plane. If no plane is found, every point is kept. The filter must run
+/// before any other ground filter, because without ground points the largest plane is a roof.
 struct GroundPlane {
   double distance_m = 0.25;
   double sensor_height_m = 0;

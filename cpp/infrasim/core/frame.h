@@ -32,7 +32,7 @@ struct ObjectRecord {
 struct Frame {
   PointCloud cloud;
   std::vector<ObjectRecord>
-      objects;           ///< every object in range, by id, including objects without a hit
+      objects;           ///< every object in range, sorted by id, including objects without a hit
   std::size_t rays = 0;  ///< number of rays fired within the frame
   /// number of rays cast: fewer than `rays` with stored hits of static surfaces, more with sub-rays
   /// of wide beams

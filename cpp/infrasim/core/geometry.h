@@ -117,7 +117,8 @@ class BoxFrame {
 /// Corners of a box's footprint, counter-clockwise from the front right corner.
 std::array<Vec2, 4> footprint(const Box3d& box);
 
-/// Area of an outline that is not closed; positive if counter-clockwise.
+/// Area of an outline whose first corner is not repeated at its end; positive if the corners are in
+/// counter-clockwise order.
 double signed_area(std::span<const Vec2> outline);
 
 /// True if two convex counter-clockwise outlines overlap (touching does not count).

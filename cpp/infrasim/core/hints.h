@@ -4,7 +4,7 @@
 #include <string_view>
 #include <vector>
 
-// Ends of messages that name what was probably meant.
+// Functions that make the end of an error message: a hint at what the user probably meant.
 
 namespace infrasim {
 

@@ -27,7 +27,7 @@ class NamedMap {
     return entry != entries_.end() ? entry->second
                                    : entries_.emplace_back(std::string(name), T{}).second;
   }
-  /// @throws std::out_of_range
+  /// @throws std::out_of_range if the name is missing
   const T& at(std::string_view name) const {
     const auto entry = find(name);
     if (entry == end()) throw std::out_of_range(std::string(name));

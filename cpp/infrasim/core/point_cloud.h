@@ -19,7 +19,8 @@ struct PointCloud {
 
   std::size_t size() const { return intensity.size(); }
 
-  /// Calls use(column, values per point) for each column, which is a pointer to a member.
+  /// Calls use(column, number of values per point) for each column, where `column` is a pointer to
+  /// a data member of PointCloud.
   template <class Use>
   static void for_each_column(const Use& use) {
     use(&PointCloud::xyz, std::size_t{3});

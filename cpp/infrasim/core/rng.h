@@ -44,8 +44,8 @@ class Rng {
 
   /// Random stream of a part of this stream, such as a vehicle, a frame, or a ray of a frame. Keys
   /// are mixed at each level. If keys were only added, ray i + 1 of a frame would have the samples
-  /// of ray i in the next frame. If samples are also taken from the stream itself, its parts are
-  /// numbered from 1.
+  /// of ray i in the next frame. If samples are also taken from the stream itself, its parts must
+  /// be numbered from 1.
   constexpr Rng at(std::uint64_t index) const { return Rng(mix64(key_ + kStep * (index + 1))); }
 
   /// Sample j, uniform in [0, 1).

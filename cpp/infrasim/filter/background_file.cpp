@@ -45,15 +45,17 @@ Header read_header(std::string_view bytes, const std::string& name) {
   const auto is_count = [](std::int32_t n) { return n >= 1 && n <= 7200; };
   if (!is_count(h.azimuth_cells) || !is_count(h.elevation_cells))
     fail(name, kMagic.size(),
-         "expected 1 to 7200 each way, got " + std::to_string(h.azimuth_cells) + " x " +
-             std::to_string(h.elevation_cells) + " cells");
+         "expected 1 to 7200 cells along azimuth and elevation, got " +
+             std::to_string(h.azimuth_cells) + " x " + std::to_string(h.elevation_cells) +
+             " cells");
   if (h.first_row < 0 || h.rows < 0 || h.first_row > h.elevation_cells - h.rows)
-    fail(name, kMagic.size() + 8, "expected rows within the cells, got others");
+    fail(name, kMagic.size() + 8,
+         "expected stored rows within the elevation cells, got rows beyond them");
   const std::size_t expected = std::size_t{2} * h.rows * h.azimuth_cells * sizeof(float);
   if (bytes.size() - kData != expected)
     fail(name, kData,
-         "expected " + std::to_string(expected) + ", got " + std::to_string(bytes.size() - kData) +
-             " bytes of cells");
+         "expected " + std::to_string(expected) + " bytes of cells, got " +
+             std::to_string(bytes.size() - kData) + " bytes");
   return h;
 }
 

@@ -98,8 +98,9 @@ void fill_map(GroundGrids& grids) {
     }
 }
 
-/// Sets out[i] to the best value of in[i - half .. i + half] by `better`. Indices outside the
-/// vector are ignored.
+/// Sets out[i] to the best of the values in[i - half] to in[i + half]. better(a, b) returns whether
+/// the value a is better than b: less for minima, greater for maxima. Indices outside the vector
+/// are ignored.
 template <class Better>
 void slide(const std::vector<float>& in, int half, Better better, std::vector<int>& queue,
            std::vector<float>& out) {

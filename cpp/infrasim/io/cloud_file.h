@@ -44,8 +44,8 @@ struct Viewpoint {
   Vec3 axis;  ///< x y z of the quaternion
 
   bool is_identity() const;
-  /// Whether the shift would move points beyond the allowed range, as Earth-fixed coordinates do.
-  /// apply() ignores such a shift.
+  /// Whether the shift is 10 km or more along an axis, which is typical of map coordinates. apply()
+  /// ignores such a shift.
   bool is_far() const;
   Vec3 apply(Vec3 stored) const;
 };
@@ -65,12 +65,14 @@ struct CloudFile {
   /// Returns the field with that name. If there is none, returns the only field whose name differs
   /// just in upper and lower case, otherwise null.
   const CloudField* field(std::string_view name) const;
-  /// Values of a field's first element as float; empty if the field does not exist.
+  /// Returns the first element of a field at each point, as float; empty if the field does not
+  /// exist.
   std::vector<float> column(std::string_view name) const;
-  /// Values of the first field with a usual name of the intensity; empty if there is none.
+  /// Returns the values of the first field that has a usual name for the intensity; empty if there
+  /// is no such field.
   std::vector<float> intensity() const;
-  /// Returns the smallest of 1, 255 and 65535 that no intensity exceeds, as in `pyinfra import`; 1
-  /// if there is none.
+  /// Returns the smallest of 1, 255 and 65535 that no intensity exceeds, as in `pyinfra import`.
+  /// Returns 1 if there is no intensity, or if an intensity is above 65535.
   float intensity_max() const;
   /// Returns x y z of all points as stored, row-major.
   std::vector<float> xyz() const;
@@ -82,14 +84,14 @@ struct CloudFile {
 };
 
 /// Reads .pcd (version 0.7: ascii, binary, binary_compressed) or KITTI's .bin.
-/// @throws ConfigError if the content is malformed: `file:line:1: key: expected, got`
+/// @throws ConfigError if the content is malformed: `file:line:1: key: expected ..., got ...`
 /// @throws IoError if it can't be read
 CloudFile read_cloud(const std::filesystem::path& file);
 
 /// Writes a cloud in the format of the file's suffix. A .bin gets x y z intensity, with 0 for a
 /// missing intensity, and intensities divided by `intensity_max`. A .bin has no viewpoint, so its
 /// points are transformed by the cloud's viewpoint.
-/// @throws ConfigError for another suffix, IoError
+/// @throws ConfigError for a suffix other than .pcd and .bin, IoError if the file can't be written
 void write_cloud(const std::filesystem::path& file, const CloudFile& cloud,
                  float intensity_max = 1);
 

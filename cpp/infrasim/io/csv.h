@@ -9,8 +9,8 @@
 namespace infrasim {
 
 /// Reads rows of comma-separated cells under a given header, one after the other. Cells must not be
-/// quoted. A line ends in \n or \r\n. A byte-order mark at the begin is ignored. All parsing errors
-/// are ConfigErrors with file, line and column.
+/// quoted. A line ends in \n or \r\n. A byte-order mark at the beginning is ignored. All parsing
+/// errors are ConfigErrors with file, line and column.
 class CsvReader {
  public:
   /// @param optional names of columns that may follow those of the header, in this order; any of
@@ -26,7 +26,7 @@ class CsvReader {
   /// Whether the file has this optional column.
   bool has(std::string_view column) const;
   /// Goes to the first or next row; returns false if there is none.
-  /// @throws ConfigError if the number of its cells differs from the header's
+  /// @throws ConfigError if the row has fewer or more cells than the header
   bool next_row();
   /// Returns the next cell of the row.
   std::string_view cell();

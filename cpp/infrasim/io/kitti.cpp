@@ -177,7 +177,7 @@ RecordedPoints read_points(const std::filesystem::path& lidar_folder, int frame)
   const std::string bytes = read_file(file);
   if (bytes.size() != kFieldsRecord * cloud.points)
     throw ConfigError(file.string() + ": expected " + std::to_string(kFieldsRecord) +
-                      " for each of " + std::to_string(cloud.points) + " points, got " +
+                      " bytes for each of " + std::to_string(cloud.points) + " points, got " +
                       std::to_string(bytes.size()) + " bytes");
   RecordedPoints points{cloud.xyz(), cloud.column("intensity"), {}};
   points.ring.resize(cloud.points);

@@ -26,7 +26,8 @@ std::string calib_text();
 
 /// Returns a table of objects with the columns
 /// id,class,x,y,z,dx,dy,dz,heading,speed,points,points_in_box,distance,visibility,
-/// scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box.
+/// scan_x,scan_y,scan_z,scan_heading,scan_time_s,points_in_scan_box. If `pitched` is true, the last
+/// column is `pitch`.
 std::string objects_csv(const std::vector<ObjectRecord>& objects, bool pitched = false);
 
 /// Returns float32 x y z intensity of each point, little-endian.

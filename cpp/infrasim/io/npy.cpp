@@ -95,7 +95,7 @@ NpyTable read_npy(const std::filesystem::path& file, std::size_t least, std::siz
                       ") array of <f4 or <f8, got " + problem);
   };
   const auto npy = split_npy(bytes);
-  if (!npy) reject("no NumPy header of version 1 to 3, or a part of one");
+  if (!npy) reject("a file without a complete NumPy header of version 1 to 3");
   const std::string_view type = entry(npy->header, "descr"), shape = entry(npy->header, "shape");
   const std::string shown(shape.substr(0, 80));
   if (type != "'<f4'" && type != "'<f8'") reject("type " + std::string(type.substr(0, 80)));
@@ -109,7 +109,8 @@ NpyTable read_npy(const std::filesystem::path& file, std::size_t least, std::siz
   if (!rows) reject("shape " + shown);
   const std::size_t row_bytes = columns * (type == "'<f4'" ? 4 : 8);
   if (npy->data.size() % row_bytes != 0 || npy->data.size() / row_bytes != *rows)
-    reject("shape " + shown + " and " + std::to_string(npy->data.size()) + " bytes, another size");
+    reject("shape " + shown + ", which does not match the size of the data, " +
+           std::to_string(npy->data.size()) + " bytes");
   return {type == "'<f4'" ? values_of<float>(npy->data) : values_of<double>(npy->data), columns};
 }
 

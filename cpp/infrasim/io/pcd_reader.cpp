@@ -186,8 +186,8 @@ class PcdReader {
   /// Throws an error if the file has more data than the header declares.
   void require_end(std::size_t size) const {
     if (rest_.size() > size)
-      fail("POINTS", "expected the size in the header, got " + std::to_string(rest_.size() - size) +
-                         " bytes more");
+      fail("POINTS", "expected data of the size in the header, got " +
+                         std::to_string(rest_.size() - size) + " bytes more");
   }
 
   void read_binary() {
@@ -208,11 +208,12 @@ class PcdReader {
                        std::to_string(sizes[0]) + " and " + std::to_string(sizes[1]));
     const std::size_t size = promised(sizes[1]);
     if (size != sizes[1])
-      fail("DATA",
-           "expected " + std::to_string(size) + ", got " + std::to_string(sizes[1]) + " bytes");
+      fail("DATA", "expected " + std::to_string(size) + " bytes, got " + std::to_string(sizes[1]) +
+                       " bytes");
     require_end(sizes[0]);
     const auto columns = lzf_decompress(rest_, size);
-    if (!columns) fail("DATA", "expected LZF data of the stated size, got other bytes");
+    if (!columns)
+      fail("DATA", "expected LZF data of the stated size, got invalid data or another size");
     cloud_.records.resize(size);
     transpose(*columns, cloud_.records);
   }

@@ -184,7 +184,7 @@ class PlyReader {
            " of '" + element.name + "' in " + std::to_string(left) +
            " bytes; the file may be truncated");
     if (element.count > kMostTriangles)
-      fail("expected up to " + std::to_string(kMostTriangles) + ", got " +
+      fail("expected up to " + std::to_string(kMostTriangles) + " elements, got " +
            std::to_string(element.count) + " of '" + element.name + "'");
     if (element.name == "vertex") out_.vertices.reserve(element.count);
     if (element.name == "face") out_.triangles.reserve(element.count);
@@ -218,9 +218,9 @@ class PlyReader {
     const double largest = std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
     if (!(largest <= kFarthestVertex_m) || std::isnan(v.x + v.y + v.z))
       fail(
-          "expected metres from the site's origin, got a vertex whose x, y or z "
-          "is missing or no number up to " +
-          std::to_string(static_cast<int>(kFarthestVertex_m)) + " either way");
+          "expected metres from the site's origin, got a vertex whose x, y or z is missing, "
+          "not a number, or farther than " +
+          std::to_string(static_cast<int>(kFarthestVertex_m)) + " m from the origin");
     out_.vertices.push_back(v);
   }
 
@@ -240,8 +240,8 @@ class PlyReader {
   std::uint32_t corner(const PlyType& type) {
     const double v = value(type);
     if (!(v >= 0 && v < static_cast<double>(out_.vertices.size())) || v != std::floor(v))
-      fail("expected a corner to be the number of a vertex, got a number that is none of the " +
-           std::to_string(out_.vertices.size()) + " vertices before it");
+      fail("expected corners that are indices of the " + std::to_string(out_.vertices.size()) +
+           " vertices before the face, counted from 0, got another number");
     return static_cast<std::uint32_t>(v);
   }
 

@@ -88,7 +88,8 @@ void Observer::check(int frame) const {
                      trajectories_->has(row_position(frame * period_s_)) &&
                      trajectories_->has(row_position((frame + 1) * period_s_));
   if (!known)
-    throw ConfigError("frames: expected frames of the observer, got " + std::to_string(frame));
+    throw ConfigError("frames: expected a frame for which the observer was made, got " +
+                      std::to_string(frame));
 }
 
 }  // namespace infrasim

@@ -195,14 +195,17 @@ void check_is_at(const StaticLayerFile& file, const MountConfig& mount) {
     if (file.origin.mount[i] != here[i])
       throw ConfigError(file.name + ": mounts." + kMountKeys[i] + ": expected " +
                         config::number_text(file.origin.mount[i]) +
-                        ", where the layer was made, got " + config::number_text(here[i]));
+                        ", as at the mount where the layer was made, got " +
+                        config::number_text(here[i]));
 }
 
 void check_is_from(const StaticLayerFile& file, const LayerOrigin& here) {
   if (file.origin.scene != 0 && file.origin.scene != here.scene)
-    throw ConfigError(file.name +
-                      ": (roads, ground, buildings, barriers, gantries, trunks, meshes): expected "
-                      "those of the layer's scene and preset, got others");
+    throw ConfigError(
+        file.name +
+        ": (roads, ground, buildings, barriers, gantries, trunks, meshes): expected "
+        "the static surfaces of the scene and preset from which the layer was made, got "
+        "different surfaces");
 }
 
 void check_is_of(const StaticLayerFile& file, std::span<const StaticHits> units,

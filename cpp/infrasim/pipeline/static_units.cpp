@@ -17,7 +17,7 @@ void check_can_have_layer(const LidarConfig& lidar, std::span<const ScannerUnit>
             ? "a pattern that never repeats"
             : "a pattern of " + std::to_string(layer_bytes(unit.pattern)) + " bytes";
     throw ConfigError(words_of(lidar) + ": unit " + std::to_string(i) +
-                      ": expected single rays that repeat, of up to " +
+                      ": expected a pattern of single rays that repeats and needs up to " +
                       std::to_string(kMostLayerBytes) + " bytes, for a static layer, got " +
                       problem);
   }

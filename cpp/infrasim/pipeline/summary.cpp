@@ -17,7 +17,7 @@ constexpr std::string_view kSummaryHeader =
     "lidar,preset,frames,rays_per_frame,hits_per_frame,vehicles_per_frame,"
     "vehicle_points_per_frame,rays_cast_per_frame,seconds,mrays_per_s";
 
-/// Formats a mean with up to six decimals, and without an exponent.
+/// Formats a mean with up to six digits after the decimal point, and without an exponent.
 std::string mean_text(double value) {
   std::string text = fixed_text(value, 6);
   text.erase(text.find_last_not_of('0') + 1);

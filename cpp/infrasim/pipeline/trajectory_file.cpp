@@ -130,7 +130,7 @@ class UnionOfRows {
     }
     while (stored.step()) {
       const int step = *stored.step();
-      if (whole) rows.fail(step, "it has a row, this run has none");
+      if (whole) rows.fail(step, "the file has a row, this run has none");
       rows.take_stored(stored.take());
     }
     rows.finish();

@@ -43,7 +43,7 @@ MeshLibrary::MeshLibrary(const TriangleMesh& background, std::span<const Triangl
   // It uses an instruction set that every x86-64 processor has, and ignores the user's
   // configuration files, so that the hits do not depend on the machine.
   impl_->device = rtcNewDevice("threads=1,set_affinity=0,ignore_config_files=1,isa=sse2");
-  if (impl_->device == nullptr) throw std::runtime_error("Embree: no device");
+  if (impl_->device == nullptr) throw std::runtime_error("Embree can't create a device");
   impl_->error.watch(impl_->device);
   impl_->background_class = background.class_id;
   for (const TriangleMesh& body : bodies)

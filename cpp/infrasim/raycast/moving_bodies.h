@@ -103,11 +103,11 @@ class BodyIndex {
  public:
   BodyIndex() { set(std::span<const MovingBody>{}); }
   void set(std::span<const MovingBody> bodies);
-  /// Sets any objects, given by their views.
+  /// Fills the index with objects of any kind, given by their views.
   void set(std::vector<std::array<ViewBounds, 2>> views);
 
   /// Calls `visit` with the index of each body that the view may meet, in increasing order, until
-  /// it returns false. Every body that a ray of the view hits is visited.
+  /// `visit` returns false. Every body that a ray of the view hits is visited.
   template <class Visit>
   void for_each_in(const ViewBounds& view, const Visit& visit) const {
     if (bounds_.empty() || view.left > view.right) return;

@@ -65,8 +65,8 @@ class Raycaster {
 
   /// Finds the nearest hit of each ray in `order`, at the ray's own time. Rays are cast in packets
   /// of 16 in that order, but the hits do not depend on the order. Rays that are not in `order`
-  /// become misses. Of equally near hits, the hit on the background is used, otherwise the hit on
-  /// the body with the lowest index.
+  /// become misses. Of several equally near hits, a hit on the background is used; without one, the
+  /// hit on the body with the lowest index.
   /// @param incidence whether to fill hits.cos_incidence, and hits.place for bodies
   void cast(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
             bool incidence = true);

@@ -115,8 +115,9 @@ void check_angles(const JunctionConfig& junction, const RoadLine& a, const RoadL
     const double bend = std::abs(wrap_angle(road->curve.at(road->cut->to).heading - in));
     if (bend > kMostBend)
       config::fail(junction.place, "roads",
-                   "expected up to " + degrees_text(kMostBend) + ", got '" + road->config->name +
-                       "' with a bend of " + degrees_text(bend) + " in it");
+                   "expected a bend of up to " + degrees_text(kMostBend) +
+                       " within the junction, got '" + road->config->name + "' with a bend of " +
+                       degrees_text(bend));
   }
   for (const double s : {a.cut->from, a.cut->to})
     for (const double t : {b.cut->from, b.cut->to}) {
@@ -124,8 +125,8 @@ void check_angles(const JunctionConfig& junction, const RoadLine& a, const RoadL
       const double least = junction.roundabout ? kSharpestRing : kSharpestCrossing;
       if (angle < least - kAngleSlack)
         config::fail(junction.place, "roads",
-                     "expected " + degrees_text(least) + " or more, got arms at " +
-                         degrees_text(angle) + " to each other");
+                     "expected arms at " + degrees_text(least) +
+                         " or more to each other, got arms at " + degrees_text(angle));
     }
 }
 
@@ -164,11 +165,11 @@ std::optional<Ring> cut_roads(const SceneConfig& scene, int index, std::vector<R
   if (junction.roundabout) ring = ring_at(junction, *point, *a.config, *b.config);
   for (RoadLine* road : {&a, &b}) {
     if (road->cut)
-      config::fail(junction.place, "roads",
-                   "expected one junction on a road, got a second junction on '" +
-                       road->config->name +
-                       "'; a net of them is a site of lanes and trajectories (pyinfra site "
-                       "import, pyinfra site traffic)");
+      config::fail(
+          junction.place, "roads",
+          "expected one junction on a road, got a second junction on '" + road->config->name +
+              "'; for a network of roads, import a site with lanes and trajectories (pyinfra "
+              "site import, pyinfra site traffic)");
     const bool first = road == &a;
     const LanesConfig& other = (first ? b : a).config->lanes;
     const double half =
@@ -177,8 +178,9 @@ std::optional<Ring> cut_roads(const SceneConfig& scene, int index, std::vector<R
         cut_at(junction, index, *road, stations[first ? 0 : 1], half, first ? reach_a : reach_b);
   }
   if (ends_at(a) && ends_at(b))
-    config::fail(junction.place, "roads",
-                 "expected a road that goes on, got two roads that end there");
+    config::fail(
+        junction.place, "roads",
+        "expected a road that continues beyond the junction, got two roads that end there");
   check_angles(junction, a, b);
   return ring;
 }
@@ -277,9 +279,9 @@ void connect_arms(LaneNetwork& network, int index, const std::vector<Arm>& arms)
     const auto leads_nowhere = [&](int lane) { return network.lanes[lane].next.empty(); };
     if (const auto lanes = std::ranges::count_if(from.in, leads_nowhere))
       config::fail(network.junctions[index].place, "roads",
-                   "expected one lane to the left and one to the right, got " +
-                       std::to_string(lanes) +
-                       " lanes of a road that ends there without a turn of their own");
+                   "expected a turn for each lane of a road that ends at the junction (one lane "
+                   "turns left, one turns right), got lanes without a turn: " +
+                       std::to_string(lanes));
   }
 }
 

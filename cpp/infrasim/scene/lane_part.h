@@ -16,7 +16,8 @@ struct LaneRow {
   double half_width = 0;
 };
 
-/// A part of a lane. The station s is 0 at the point nearest to the sensor's foot.
+/// A part of a lane. The station s is 0 at the point nearest to the sensor's foot, which is the
+/// point vertically below the sensor.
 struct LanePart {
   std::string name;
   std::vector<LaneRow> rows;  ///< rows at both ends and at every whole metre between them

@@ -54,7 +54,7 @@ std::vector<std::string> flat_triangles(const SceneConfig& scene) {
     lines.push_back("flat-triangles: " + file.string() + ": " + std::to_string(count) + " of " +
                     std::to_string(surface.triangles.size()) +
                     " triangles without an area, the first at x " + fixed_text(at.x, 6) + ", y " +
-                    fixed_text(at.y, 6) + "; rays pass them");
+                    fixed_text(at.y, 6) + "; rays pass through them");
   }
   return lines;
 }

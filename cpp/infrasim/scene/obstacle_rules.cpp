@@ -86,15 +86,16 @@ class ObstacleRules {
   void check_barrier(const BarrierConfig& barrier, const std::vector<Box3d>& pieces) const {
     for (const Box3d& piece : pieces)
       if (stands_on_lane(piece))
-        config::fail(barrier.place, "offset_m",
-                     "expected the median or outside the lanes, got a barrier on a lane");
+        config::fail(
+            barrier.place, "offset_m",
+            "expected a position on the median or beside the lanes, got a barrier on a lane");
   }
 
   void check_beside_lanes(const Box3d& box, const config::Place& place, const char* key,
                           const std::string& kind) const {
     if (stands_on_lane(box))
       config::fail(place, key,
-                   "expected beside the lanes or " + number_text(kClearance_m) +
+                   "expected a position beside the lanes or " + number_text(kClearance_m) +
                        " m above them, got " + (kind.empty() ? "an object" : kind) + " on a lane");
   }
 
@@ -155,7 +156,7 @@ class ObstacleRules {
     }
     const Box3d& box = first.state.box;
     config::fail(given.place, "offset_m",
-                 "expected beside the lanes or " + number_text(kClearance_m) +
+                 "expected a position beside the lanes or " + number_text(kClearance_m) +
                      " m above them, got " + described(first.state) + " on a lane near " +
                      at_text({box.x, box.y}));
   }

@@ -32,8 +32,8 @@ double reach(const Box3d& box, Vec3 direction) {
   return along({box.dx / 2, 0, 0}) + along({0, box.dy / 2, 0}) + along({0, 0, box.dz / 2});
 }
 
-/// Returns whether one object is above the other, so that the up axis of one box separates both
-/// boxes.
+/// Returns whether one object is above the other, which means that the two boxes do not overlap
+/// along the up axis of one of them.
 bool one_over_other(const Box3d& a, const Box3d& b) {
   return std::ranges::any_of(std::array{a, b}, [&](const Box3d& box) {
     const Vec3 up = rotation(box.heading, box.pitch, 0) * Vec3{0, 0, 1};

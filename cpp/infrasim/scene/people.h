@@ -33,10 +33,10 @@ struct Person {
   double aside_m = 0;  ///< offset to the left of the line while nobody is near
 };
 
-/// The pedestrians or cyclists of a row. They circulate on their line, which is extended at both
-/// ends. People on the extensions are not objects of the scene. A person who meets or overtakes
-/// another one steps aside without turning, and then returns to the line. All positions are
-/// functions of time only.
+/// The pedestrians or cyclists of a row. They move along their line, which is extended at both
+/// ends. A person who leaves one end of the extended line enters again at the other end. People on
+/// the extensions are not objects of the scene. A person who meets or overtakes another one steps
+/// aside without turning, and then returns to the line. All positions are functions of time only.
 class PeopleRow {
  public:
   /// @throws ConfigError for a row that begins beyond the road's end

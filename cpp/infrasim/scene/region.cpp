@@ -92,8 +92,9 @@ void EvaluationRegion::check_names(const SceneConfig& scene) const {
   for (const LanePart& part : parts_)
     if (!names.insert(part.name).second)
       throw ConfigError((scene.folder / *scene.lanes).string() +
-                        ": expected other names, got a second '" + part.name +
-                        "' in the region: parts of a lane are NAME_2 ...");
+                        ": expected a different name for each part of a lane in the region, got '" +
+                        part.name +
+                        "' twice; further parts of a lane are named NAME_2, NAME_3 ...");
 }
 
 void EvaluationRegion::check_outlines(const SceneConfig& scene) const {

@@ -15,10 +15,10 @@ inline constexpr double kFootways_m = 6;
 /// The region in which objects are evaluated.
 ///
 /// If the scene has roads, the region is the carriageway of each road from -half length to +half
-/// length around the sensor's foot. The station s is 0 at the foot and grows in the sensor's
-/// viewing direction, or in the direction of traffic on a roundabout's ring. If the scene has a
-/// lane file, the region is the parts of lanes within the half length of the foot. Each part is a
-/// separate road in the direction of traffic.
+/// length around the sensor's foot, which is the point vertically below the sensor. The station s
+/// is 0 at the foot and grows in the sensor's viewing direction, or in the direction of traffic on
+/// a roundabout's ring. If the scene has a lane file, the region is the parts of lanes within the
+/// half length of the foot. Each part is a separate road in the direction of traffic.
 ///
 /// For pedestrians and cyclists the region is kFootways_m wider on each side. If the scene has
 /// `regions`, the evaluation region is only the part inside these outlines.

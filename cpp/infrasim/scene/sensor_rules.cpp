@@ -81,8 +81,8 @@ std::optional<double> slope_over(const RoadConfig& road, double beside, double z
 }
 
 /// Returns the z coordinate of the surface that lies over the sensor. Returns no value if that
-/// surface is a bridge. If no surface lies over or under the sensor, the lowest surface of the
-/// scene counts, unless the sensor is higher.
+/// surface is a bridge. If no surface lies over the sensor and the sensor is below all surfaces of
+/// the scene, returns the z coordinate of the lowest surface.
 std::optional<double> ground_over(const Site& site, const Sensor& sensor) {
   double lowest = kInf, over = kInf, under = -kInf;
   const auto meet = [&](bool here, double z) {
@@ -254,14 +254,14 @@ void check_sensor_at(const Site& site, const std::string& name, const MountConfi
   };
   const std::string got = ", got " + number_text(mount.z_m);
   if (const double away = distance_to_surfaces(site, sensor); away > kLongestRange_m)
-    fail("x_m", "expected up to " + number_text(kLongestRange_m) +
-                    " (the longest range of a ray), got " + number_text(std::round(away)) +
-                    " m from every road and ground");
+    fail("x_m", "expected a position up to " + number_text(kLongestRange_m) +
+                    " m (the longest range of a ray) from a road or the ground, got " +
+                    number_text(std::round(away)) + " m from every road and ground");
   const double height = height_above_surface(site, sensor.foot, sensor.z);
   if (std::isfinite(height) && height > kHighestPole_m)
     fail("z_m", "expected metres, up to " + number_text(kHighestPole_m) +
-                    " above the roads and the ground" + got + "; " + number_text(mount.z_m) +
-                    " centimetres are " + number_text(mount.z_m / 100));
+                    " m above the roads and the ground" + got + "; " + number_text(mount.z_m) +
+                    " centimetres are " + number_text(mount.z_m / 100) + " m");
   if (const auto over = ground_over(site, sensor))
     fail("z_m", "expected a mount above the surface, or below a bridge with a clearance of " +
                     number_text(kClearance_m) + " m" + got + " below the ground or a road at " +
@@ -270,8 +270,8 @@ void check_sensor_at(const Site& site, const std::string& name, const MountConfi
     fail("x_m", "expected a position outside objects, got one inside " + what);
   if (const auto lane = lane_around(site, sensor))
     fail("z_m", "expected " + metres(*lane + rise + kClearance_m) +
-                    " or more, or beside the lanes" + got +
-                    ", where vehicles hit it, above a lane at " + metres(*lane + rise));
+                    " or more, or a position beside the lanes" + got +
+                    ", where vehicles hit the LiDAR, above a lane at z_m " + metres(*lane + rise));
 }
 
 void check_sensor_in_meshes(const Site& site, const std::string& name, const MountConfig& mount,

@@ -97,15 +97,16 @@ class RoadRules {
   [[noreturn]] void fail_meeting(const RoadConfig& road, const Strip& met, Vec2 place) const {
     const RoadConfig& other = site_.scene.roads[met.of];
     const double apart = std::abs(road.elevation_m - other.elevation_m);
-    const std::string where = ", got it on '" + other.name + "' near " + at_text(place);
+    const std::string where = ", got an overlap with '" + other.name + "' near " + at_text(place);
     if (apart > 0)
       config::fail(road.place, "elevation_m",
-                   "expected " + number_text(kClearance_m) + " m of height difference or more" +
-                       where + " with " + number_text(apart) + " m between");
+                   "expected " + number_text(kClearance_m) +
+                       " m or more between the heights of two roads" + where + " with " +
+                       number_text(apart) + " m between");
     config::fail(road.place, "centreline",
                  "expected a junction of both roads, " + number_text(kClearance_m) +
                      " m of height difference, or " + number_text(kApart) + " m of distance" +
-                     where + " without one");
+                     where + " without a junction");
   }
 
   void check_ground(const GroundConfig& ground) const {
@@ -118,7 +119,8 @@ class RoadRules {
       for (const Strip& strip : cut_into_strips(site_.centrelines[i], half, -half, i))
         if (footprints_overlap(strip.outline, ground.outline_m))
           config::fail(ground.place, "elevation_m",
-                       "expected up to " + number_text(lowest - kLeastDepth) + ", or from " +
+                       "expected at most " + number_text(lowest - kLeastDepth) +
+                           " below a road, or at least " +
                            number_text(road.elevation_m + kClearance_m) + " above it, got " +
                            number_text(ground.elevation_m) + " on '" + road.name + "' near " +
                            at_text(strip.middle()));

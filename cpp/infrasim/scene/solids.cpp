@@ -22,8 +22,9 @@ void join(TriangleMesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t n)
 }
 
 void add_ellipsoid(TriangleMesh& mesh, const Ellipsoid& e, int bands, int sectors) {
-  // `tall` is the area of a polygon in a half circle, relative to the half circle. `round` is the
-  // mean width of a polygon in a circle, relative to the circle.
+  // `tall` is the area of a polygon that is inscribed in a half circle, divided by the area of the
+  // half circle. `round` is the mean width of a polygon that is inscribed in a circle, divided by
+  // the diameter of the circle.
   const double tall = bands * math::sin(kPi / bands) / kPi;
   const double round = sectors * math::sin(kPi / sectors) / kPi;
   const double wide = 1 / (tall * round);

@@ -13,15 +13,16 @@ Trajectories load_recorded(const SceneConfig& scene) {
   const std::filesystem::path file = scene.folder / scene.trajectories;
   Trajectories trajectories = config::read_named(scene.trajectories_key, [&] {
     if (!std::filesystem::exists(file))
-      throw IoError(file.string() +
-                    ": can't be read: not there; `pyinfra site traffic` or `pyinfra site "
-                    "trajectories` writes the file of a site");
+      throw IoError(
+          file.string() +
+          ": can't be read: the file does not exist; `pyinfra site traffic` or `pyinfra site "
+          "trajectories` writes the file of a site");
     return read_trajectories(file);
   });
   const int steps = row_steps(scene.duration_s);
   if (!trajectories.rows.empty() && trajectories.steps() < steps)
-    throw ConfigError(file.string() + ": t: expected at least the scene's duration_s of " +
-                      config::number_text(scene.duration_s) + ", got " +
+    throw ConfigError(file.string() + ": t: expected times up to the scene's duration_s of " +
+                      config::number_text(scene.duration_s) + " s, got times up to " +
                       config::number_text(trajectories.steps() / 10.0) + " s");
   trajectories.rows.resize(static_cast<std::size_t>(steps) + 1);
   const bool people = scene.people || scene.standing_people;
@@ -29,8 +30,8 @@ Trajectories load_recorded(const SceneConfig& scene) {
   const int first = scene.parked ? kFirstParkedId : kFirstPersonId;
   for (const auto& states : trajectories.rows)
     if (!states.empty() && states.back().id >= first)
-      throw ConfigError(file.string() + ": id: expected below " + std::to_string(first) +
-                        ", where those of " + (scene.parked ? "parked vehicles" : "people") +
+      throw ConfigError(file.string() + ": id: expected ids below " + std::to_string(first) +
+                        ", where the ids of " + (scene.parked ? "parked vehicles" : "people") +
                         " begin, got " + std::to_string(states.back().id));
   return trajectories;
 }

@@ -36,7 +36,7 @@ double half_width_in_bend(const Vehicle& v, double radius, double outwards);
 struct TrafficState {
   const LaneNetwork& network;
   std::vector<std::deque<Vehicle>> lanes;  ///< vehicles of each lane, in order from the front
-  /// sorted indices of the lanes inside, towards and away from each junction
+  /// sorted indices of the lanes that are inside each junction, lead to it or leave it
   std::vector<std::vector<int>> near;
 
   explicit TrafficState(const LaneNetwork& network);

@@ -77,7 +77,7 @@ class EndsOfRuns {
     for (auto& [id, object] : objects_) {
       auto& [run, ends, next] = object;
       if (run.last > run.first) ends.push_back(run.last);
-      run.first = -1;  // marks the begin of the second pass
+      run.first = -1;  // marks the beginning of the second pass
     }
   }
   /// Returns, in the second pass, whether the text has this state.
@@ -159,7 +159,7 @@ std::optional<TrajectoryLine> TrajectoryLines::next() {
   if (const double id = csv_.number_or(kNobody, "id", 0, 2147483647); id == kNobody) {
     for (int i = 2; i < kColumns + (pitched() ? 1 : 0); ++i)
       if (!csv_.cell().empty())
-        csv_.fail("id", "expected a number, got '' in a row with more than its time");
+        csv_.fail("id", "expected a number, got an empty cell in a row that has more than a time");
   } else {
     if (id != std::floor(id))
       csv_.fail("id", "expected a whole number, got '" + config::number_text(id) + "'");
@@ -213,7 +213,8 @@ class TrajectoryReader {
  private:
   /// Appends empty rows up to row `step`.
   void go_to(int step) {
-    if (out_.rows.empty() && step != 0) lines_.fail("t", "expected 0, got a start after 0");
+    if (out_.rows.empty() && step != 0)
+      lines_.fail("t", "expected 0 in the first row, got a later time");
     // an instant without lines in the file has no objects
     out_.rows.resize(std::max(out_.rows.size(), static_cast<std::size_t>(step) + 1));
   }
@@ -240,8 +241,9 @@ class TrajectoryReader {
   /// Adds an object's state to the rows [first, last) in which the object is missing.
   void stand(std::size_t first, std::size_t last, const ObjectState& s) {
     if (last_.at(s.id).second != s)
-      lines_.fail("id", "expected steps of 0.1 s, or of more between equal states, got vehicle " +
-                            std::to_string(s.id) + " again after a gap");
+      lines_.fail("id",
+                  "expected steps of 0.1 s, or longer steps between equal states, got vehicle " +
+                      std::to_string(s.id) + " again after a gap");
     for (std::size_t k = first; k < last; ++k) {
       auto& row = out_.rows[k];
       row.insert(std::ranges::upper_bound(row, s.id, {}, &ObjectState::id), s);

@@ -15,7 +15,7 @@ constexpr double kPiece_m = 20;
 // length of a piece of a hedge in bends and on slopes, as for barriers
 constexpr double kBentPiece_m = 2;
 
-/// A tree at its position.
+/// A tree and its position in the scene.
 struct Tree {
   Vec2 foot;
   double base = 0;

@@ -10,9 +10,10 @@ namespace infrasim {
 
 namespace {
 
-constexpr double kBodyGap = 0.001;  // m by which a body is shorter than its box on each axis
+constexpr double kBodyGap = 0.001;  // metres by which a body is shorter than its box on each axis
 
-/// A cross-section of a body: position along the length, width and height as shares of the box.
+/// A cross-section of a body: its position along the length (-0.5 at the rear, 0.5 at the front),
+/// its width and its height, all as shares of the size of the box.
 struct Station {
   double x, width, height;
 };

@@ -33,13 +33,14 @@ class EchoMerger {
   /// beyond the blind zone count.
   /// @param sub_rays   the sub-rays of all beams, in any order
   /// @param sub_echoes strongest echo of each sub-ray
-  /// @param weaker     other echoes of the sub-rays
+  /// @param weaker     echoes of the sub-rays that are not the strongest echo of their sub-ray
   /// @param beams      index of each beam's ray
   /// @param rings      ring of each ray
   /// @param echoes     echo of each ray; echoes of rays without a beam do not change
   /// @param sunlit     for each ray, the mean reflectance of everything that its beam hits, which
   ///   determines the reflected sunlight
-  /// @param others     if not null, gets the other sums of each beam, the strongest first
+  /// @param others     if not null, gets the sums of each beam except its strongest sum, in
+  ///   descending order of power
   void merge(std::span<const SubRay> sub_rays, const EchoBatch& sub_echoes,
              std::span<const WeakerEcho> weaker, std::span<const std::uint32_t> beams,
              std::span<const std::uint16_t> rings, EchoBatch& echoes, std::vector<float>& sunlit,

@@ -8,7 +8,7 @@
 
 namespace infrasim {
 
-/// What the detector receives from one ray.
+/// The light that the detector receives from one ray.
 struct Echo {
   float range;             ///< range in metres; +inf if there is no echo
   std::int32_t object;     ///< index of the moving body; -1 for the background

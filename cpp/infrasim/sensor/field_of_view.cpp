@@ -11,9 +11,9 @@ namespace infrasim {
 
 namespace {
 
-/// Returns the limits of some azimuths, in degrees. An interval across 180 degrees, which ends
-/// above 180, is used only if it is more than kLeastGain_deg narrower than the interval without 180
-/// degrees.
+/// Returns the lower and the upper limit of the narrowest interval that contains all given
+/// azimuths, in degrees. An interval across 180 degrees, which ends above 180, is used only if it
+/// is more than kLeastGain_deg narrower than the interval without 180 degrees.
 std::pair<double, double> azimuth_span(std::vector<double> azimuths) {
   constexpr double kLeastGain_deg = 1;
   std::ranges::sort(azimuths);

@@ -12,8 +12,8 @@ namespace {
 
 constexpr int kLongestPeriod = static_cast<int>(kLongestScene_s / kShortestPeriod_s);
 
-/// Appends the rates of ray groups and of turns of moving parts, per second. In a period of the
-/// pattern, the number of each must be whole.
+/// Appends the numbers of ray groups, and of turns of each moving part, per second. In a period of
+/// the pattern, each of these numbers must be whole.
 void add_rates(const PatternConfig& pattern, std::vector<double>& per_s) {
   if (pattern.spinning) {
     per_s.push_back(columns_per_s(*pattern.spinning) / columns_per_group(*pattern.spinning));

@@ -50,7 +50,7 @@ void check_transmitted(const DirectionBatch& directions) {
   if (std::ranges::any_of(directions.x, [](double x) { return std::isnan(x); }))
     throw ConfigError(
         "pattern.prisms.prisms: expected smaller angle_deg, refractive_index or "
-        "laser_offsets, got light that is reflected and does not leave a prism");
+        "laser_offsets, got a ray with total reflection in a prism");
 }
 
 }  // namespace

@@ -200,8 +200,9 @@ std::vector<std::string> weather_warnings(const WeatherConfig& weather,
     const std::string where = blind == units ? ""
                                              : " on " + std::to_string(blind) + " of its " +
                                                    std::to_string(units) + " units";
-    lines.push_back(lidar.name + ", preset " + lidar.preset + ": weather: no effect" + where +
-                    ", expected a preset that has it, got no returns.detection");
+    lines.push_back(
+        lidar.name + ", preset " + lidar.preset + ": weather: no effect" + where +
+        ", because it affects only LiDARs with returns.detection, which the preset lacks");
   }
   return lines;
 }

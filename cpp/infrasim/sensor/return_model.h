@@ -47,14 +47,14 @@ class ReturnModel {
 
   /// Sets `out` to the echoes that become points.
   /// @param rng         random stream of this unit and frame; ray i of the frame uses rng.at(i)
-  /// @param first_ray   number in the frame of the ray whose `number` is 0
+  /// @param first_ray   index, within the frame, of the ray whose `number` is 0
   /// @param echoes      reflectance and gain are read only if needs_reflectance()
-  /// @param sunlit      reflectance of everything that the detector sees in this direction; for a
-  ///   single ray it is that of its echo
+  /// @param sunlit      mean reflectance of all surfaces that the detector sees in the direction of
+  ///   each echo; for a single ray, the reflectance of its echo
   /// @param rings       ring of each echo; read only if has_channels()
   /// @param number      number of the ray of each echo; if empty, each ray has one echo
-  /// @param rank        number of each echo among those of its ray, 0 to kMostEchoes - 1; if empty,
-  ///   each echo is the first of its ray
+  /// @param rank        index of each echo among the echoes of its ray, 0 to kMostEchoes - 1; if
+  ///   empty, each echo is the first of its ray
   void apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch& echoes,
              const std::vector<float>& sunlit, std::span<const std::uint16_t> rings,
              ReturnBatch& out, std::span<const std::uint32_t> number = {},

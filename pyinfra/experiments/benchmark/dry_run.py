@@ -13,11 +13,11 @@ from pyinfra.experiments.value import KEY
 
 # Expected CPU time of an experiment in seconds, used until the first experiment is finished.
 SECONDS = {"smoke": 60.0, "quick": 400.0, "full": 4000.0}
-BACKGROUND_S = 20.0
+BACKGROUND_S = 20.0  # the same for the detector background, in all tiers
 
 
 def dry_run_lines(plan: Plan, workspace: Workspace, jobs: int) -> str:
-    """Returns a text with the unfinished experiments, their expected time, and the stale rows.
+    """Returns a text with the unfinished experiments, their expected time, and rows out of date.
 
     The time is estimated from finished experiments. Raises the errors that `benchmark` would raise
     for scenes and LiDARs, for instance if a LiDAR does not have a preset.
@@ -45,7 +45,7 @@ def expected_seconds(experiments: Sequence[Experiment], table: pd.DataFrame) -> 
     """Returns the expected CPU seconds of each experiment.
 
     An experiment is expected to take the median training time of the detector's rows. If the
-    detector has no rows, the result is a default of the tier.
+    detector has no rows, the result is BACKGROUND_S, or the value of the tier in SECONDS.
     """
     known = table.groupby("detector").train_seconds.median() if len(table) else {}
     usual = {"background": BACKGROUND_S}

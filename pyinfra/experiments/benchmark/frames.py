@@ -75,9 +75,9 @@ def parts_of(frames: str, parts: int) -> list[str]:
 
 
 def warnings(plan: Plan) -> list[str]:
-    """Returns warnings about the frames of each LiDAR, and about detectors that learnt from others.
+    """Returns warnings about the frames of each LiDAR and about the training frames of detectors.
 
-    The result is empty if the extension is not built.
+    The result is empty if the C++ extension is not built.
     """
     try:
         from pyinfra.dataset import simulation
@@ -97,7 +97,7 @@ def warnings(plan: Plan) -> list[str]:
 
 
 def _learnt_warning(plan: Plan, detector: str, tier: Tier, used: str) -> str:
-    """Returns a warning if a detector without further training learnt from other frames."""
+    """Returns a warning if a pretrained detector learnt from frames of another frames_version."""
     try:
         learning = read_recipe(plan.files["detectors", detector], tier).learning
         if learning.steps or not learning.start:
@@ -109,7 +109,7 @@ def _learnt_warning(plan: Plan, detector: str, tier: Tier, used: str) -> str:
 
 
 def check_data_set(folder: Path, plan: Plan) -> None:
-    """Raises ConfigError if a folder has frames or a split that are not those of the plan.
+    """Raises ConfigError if the frames or the split of a folder differ from those of the plan.
 
     Experiments use all frames of the folder. A part of the frames without a split is accepted,
     because the simulation may have been stopped.
@@ -150,7 +150,7 @@ def split_by_time(folder: Path, parts: Parts) -> None:
 def described(folder: Path, experiments: Sequence[Experiment]) -> dict[str, pd.DataFrame]:
     """Returns the tables that describe a data set and all LiDARs in it.
 
-    They are `lidars`, the tables of STATISTICS, and `hits`. Table `hits` comes last. A row in
+    The tables are `lidars`, those of STATISTICS, and `hits`. Table `hits` comes last. A row in
     `hits` means that the other tables are complete.
     """
     key = {"scene": experiments[0].scene, "preset": experiments[0].preset}
@@ -167,9 +167,9 @@ def described(folder: Path, experiments: Sequence[Experiment]) -> dict[str, pd.D
 
 
 def lidar_row(folder: Path) -> dict[str, object]:
-    """Returns price, field of view and range of a LiDAR, as the run resolved them.
+    """Returns price, field of view and range of a LiDAR from the `lidar.yaml` of its folder.
 
-    For a fused data set these are values of the LiDAR at the first mount.
+    For a fused data set, these are the values of the LiDAR at the first mount.
     """
     mounts = mount_names(folder)
     folder = folder.parents[1] / mounts[0] / folder.name if mounts else folder
@@ -195,7 +195,7 @@ def lidar_row(folder: Path) -> dict[str, object]:
 
 
 def hit_row(folder: Path, on_vehicles: int) -> dict[str, object]:
-    """Returns the mean number of points per frame, and of points on vehicles per frame."""
+    """Returns the mean number of points per frame, and the mean number of points on vehicles."""
     frames, mounts = kitti.frames(folder), mount_names(folder)
     sizes = [kitti.frame_file(folder, "velodyne", k).stat().st_size for k in frames]
     return {

@@ -27,7 +27,7 @@ FRAMES_OF = ["scene", "preset", "lidar"]
 
 @cache
 def resolved(file: Path, preset: str = "", *words: str) -> str:
-    """Returns a scene, or a LiDAR with a preset, as the simulator resolves it.
+    """Returns the text of a scene, or of a LiDAR with a preset, with all defaults filled in.
 
     Raises SimulatorError.
     """
@@ -77,7 +77,7 @@ def check_names(plan: Plan) -> None:
 
 
 def check_name(file: Path, text: str) -> None:
-    """Raises ConfigError if the key `name` of a resolved text differs from the file's name."""
+    """Raises ConfigError if the key `name` in the resolved `text` differs from the file's name."""
     given, name = yaml.safe_load(text)["name"], name_of(file)
     if given != name:
         raise ConfigError(
@@ -87,17 +87,20 @@ def check_name(file: Path, text: str) -> None:
 
 
 def name_of_scene(file: Path) -> list[str]:
-    """Returns words of `infrasim run` that give a scene the name of its file, such as a copy."""
+    """Returns arguments of `infrasim run` that replace a scene's name by the name of its file.
+
+    The list is empty if the names are equal. They differ, for instance, in a copy of a scene file.
+    """
     name = name_of(file)
     given = yaml.safe_load(resolved(file))["name"]
     return [] if given == name else ["--set", f"name={name}"]
 
 
 def digests(plan: Plan) -> pd.DataFrame:
-    """Returns a table with scene, preset, lidar and `inputs`, a digest of the frames' inputs.
+    """Returns a table with the columns scene, preset, lidar and `inputs` (a digest).
 
-    The inputs are the scene with the files that it names, the LiDAR without its price, the version
-    and range of the frames, and their split.
+    The digest is of all inputs of the frames: the scene with the files that it names, the LiDAR
+    without its price, the version and range of the frames, and their split.
     """
     keys = dict.fromkeys(
         (experiment.scene, experiment.preset, experiment.lidar) for experiment in plan.experiments
@@ -109,7 +112,7 @@ def digests(plan: Plan) -> pd.DataFrame:
 
 def digest(plan: Plan, scene: str, preset: str, lidar: str) -> str:
     # Canonical texts have the keys of version 0.3, so that they stay the same when a later version
-    # renames a key. That of a scene has `frames_version`.
+    # renames a key. The text of a scene includes `frames_version`.
     file = plan.files["scenes", scene]
     data_set = resolved(file, preset, "--canonical")
     unit = PRICE.sub("", resolved(plan.files["lidars", lidar], preset, "--canonical"))
@@ -173,7 +176,7 @@ def check_lidars(hits: Path, plan: Plan, folder_of: Callable[[str], Path]) -> No
 def with_prices(plan: Plan, lidars: pd.DataFrame) -> pd.DataFrame:
     """Returns the table of LiDARs with the current prices of the LiDAR files.
 
-    lidars: with the columns PRICE_TEXT as text.
+    lidars: table in which the columns PRICE_TEXT are text.
     """
     # pandas reads a column of whole-number prices as integers.
     lidars = lidars.astype({"price_low_usd": float, "price_high_usd": float})

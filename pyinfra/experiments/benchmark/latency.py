@@ -32,9 +32,7 @@ def time_untimed(
     If another command still runs experiments of the plan, that command times all of them.
     """
     if workspace.without_row(plan.experiments):
-        progress(
-            "pyinfra: another command still runs experiments: it measures the latencies at its end"
-        )
+        progress("pyinfra: another command still runs experiments; it will measure the latencies")
         return
     with held(workspace.work / LOCK, wait=True):
         table = workspace.finished()
@@ -65,7 +63,7 @@ def time_experiment(
     device: str,
     progress: Progress,
 ) -> None:
-    """Measures the latency of a finished experiment and adds it to its row.
+    """Measures the latency of a finished experiment and adds it to the experiment's row.
 
     Raises the errors of detectors and of reading files.
     """
@@ -80,7 +78,7 @@ def time_experiment(
 
 
 def put_latency(experiment: Experiment, workspace: Workspace, columns: dict[str, object]) -> None:
-    """Replaces the latency in the row of an experiment, if it is finished."""
+    """Replaces the latency in the row of an experiment, if the experiment is finished."""
     table = workspace.finished()
     rows = (
         table[store.among(table, pd.DataFrame([asdict(experiment)]), KEY)] if len(table) else table
@@ -94,7 +92,7 @@ def time_again(
 ) -> None:
     """Times every finished experiment whose trained detector is in the work folder.
 
-    Raises FileNotFoundError if no trained detector is there.
+    Raises FileNotFoundError if the work folder has no trained detector.
     """
     check_experiments(workspace.table("experiments"), plan, progress)
     finished = store.with_row(plan.experiments, workspace.finished())

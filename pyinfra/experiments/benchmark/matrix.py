@@ -40,8 +40,8 @@ def name_of(path: Path) -> str:
 def config_file(kind: str, benchmark: Path, word: str) -> Path:
     """Returns the file that a benchmark names: `ruby_plus` in configs/, or a path `own.yaml`.
 
-    A word that ends in .yaml is a path relative to the benchmark's file. Raises Error, which
-    suggests similar names.
+    A word that ends in .yaml is a path relative to the benchmark's file. Raises Error if the file
+    or the name does not exist; the message suggests similar names.
     """
     is_path = word.endswith(".yaml")
     path = benchmark.parent / word if is_path else configs() / kind / f"{word}.yaml"
@@ -57,7 +57,7 @@ def config_file(kind: str, benchmark: Path, word: str) -> Path:
 
 
 def scene_of(word: str) -> Path:
-    """Returns the file of a scene that a user names. Raises Error if there is none."""
+    """Returns the file of a scene, given its name or a path. Raises Error if there is no file."""
     try:
         return config_file("scenes", Path.cwd() / "plan", word)
     except ValueError as error:
@@ -208,7 +208,7 @@ def read_plan(file: Path, tier: Tier, scene: str = "") -> Plan:
 
 
 def _period_s(lidar: Path, preset: str) -> float:
-    """Returns the frame period of a LiDAR; the usual one for a file with errors.
+    """Returns the frame period of a LiDAR, or PERIOD_S if the LiDAR's file has errors.
 
     The simulation reports the errors.
     """
@@ -221,7 +221,7 @@ def _period_s(lidar: Path, preset: str) -> float:
 
 
 def check_parts(file: Path, frames: str, parts: Parts, period_s: float = PERIOD_S) -> None:
-    """Raises ConfigError if no frame is left for training, or none for testing."""
+    """Raises ConfigError if the split leaves no frame for training, or no frame for testing."""
     ends, where = (parts.train_until_s, parts.val_from_s), f"{file}: frames, split"
     try:
         split.by_time(range_of(frames), period_s, *ends, where=where)
@@ -230,7 +230,7 @@ def check_parts(file: Path, frames: str, parts: Parts, period_s: float = PERIOD_
 
 
 def range_of(frames: str) -> range:
-    """Returns the frame numbers of A:B[:STEP]. Raises ConfigError for a text of another form."""
+    """Returns the frame numbers of the text A:B[:STEP]. Raises ConfigError for any other text."""
     match = re.fullmatch(r"([0-9]{1,9}):([0-9]{1,9})(?::([0-9]{1,9}))?", frames)
     if match is None:
         raise ConfigError(f"frames: expected A:B[:STEP], got '{frames}'")

@@ -35,8 +35,8 @@ SETTINGS = Settings(ground_truths=SUBSETS)
 FEWEST_TIMED, MOST_TIMED = 15, 100  # minimum and maximum number of frames whose latency is measured
 TIMED_S = 3.0  # intended total time of the frames whose latency is measured
 FIRST_FRAMES = 3  # number of warm-up frames; a detector is slower in its first frames
-OFF_REGION_SCORE = 0.5
-BUSY = 0.25  # number of cores used by other processes above which a detector may wait
+OFF_REGION_SCORE = 0.5  # minimum score of the boxes outside the region that are counted
+BUSY = 0.25  # load by other processes, in cores, above which a detector may have to wait
 LATENCY = tuple(
     f"latency_{w}"
     for w in "p50_ms p95_ms low_ms high_ms other_cores frames threads version machine".split()
@@ -54,10 +54,11 @@ def tables(
 ) -> Tables:
     """Runs an experiment and returns its rows by table.
 
-    The tables are `experiments`, `areas`, `replicates`, `ranges` and `distance` (without ground
-    truth `common`), and `squares` for a site of lanes. An interrupted training resumes. folder: the
-    LiDAR's folder, which has a split. run: folder for the trained detector. Raises the errors of
-    training, detection and evaluation, and Error if no vehicle is in the subset `captured`.
+    The tables are `experiments`, `areas`, `replicates`, `ranges`, `distance` (without the rows of
+    ground truth `common`), and `squares` for a site of lanes. An interrupted training resumes.
+    folder: the LiDAR's folder, which has a split. run: folder for the trained detector. Raises the
+    errors of training, detection and evaluation, and Error if no vehicle is in the subset
+    `captured`.
     """
     seconds = trained(experiment, recipe, folder, run, device)
     detected(run, folder, device)
@@ -112,7 +113,7 @@ def timed_alone(
 ) -> tuple[dict[str, object], OtherLoad]:
     """Measures the latency from points to boxes, on one thread, or on the GPU `device`.
 
-    Returns the columns of the latency, and the load by other processes. every: n to use every n-th
+    Returns the columns of the latency, and the load of other processes. every: n uses every n-th
     test frame; by default FEWEST_TIMED to MOST_TIMED frames are used, which take about TIMED_S. The
     caller must make sure that nothing else runs.
     """
@@ -144,10 +145,10 @@ def computer(run: Path, device: str) -> str:
 
 
 def latency_columns(times: FloatArray, least: FloatArray, load: OtherLoad) -> dict[str, object]:
-    """Returns the columns of a latency. The interval of the median is that of order statistics.
+    """Returns the columns of the latency. The median's interval is computed from order statistics.
 
-    times: milliseconds of each frame. least: of these, the part that a frame takes on a machine
-    without other processes, for the low end.
+    times: milliseconds of each frame. least: milliseconds that each frame would at least take on a
+    machine without other processes; the low end of the interval is computed from them.
     """
     p50, p95 = np.percentile(times, (50, 95))
     low, high = ranks_of_median(len(times))
@@ -197,7 +198,7 @@ def row(
 
 
 def numbers_of(folder: Path, run: Path) -> dict[str, str]:
-    """Returns the number of the test frames, and that of the detector's training frames."""
+    """Returns the frames_version of the test frames and of the detector's training frames."""
     learnt = (read_origin(run / "predictions") or {}).get(MODEL_FRAMES, "")
     return {"frames_version": number_at(folder), LEARNT: learnt}
 
@@ -205,14 +206,14 @@ def numbers_of(folder: Path, run: Path) -> dict[str, str]:
 def off_region_per_min(evaluation: Evaluation) -> float:
     """Returns the boxes outside the region per minute; NaN if no region is known.
 
-    Boxes with a score of OFF_REGION_SCORE or more count.
+    Only boxes with a score of OFF_REGION_SCORE or more count.
     """
     rows = evaluation.off_region
     return float(rows[rows.score == OFF_REGION_SCORE].boxes_per_min.iloc[0])
 
 
 def failed(experiment: Experiment, error: BaseException) -> Tables:
-    """Returns the row of a failed experiment, with the reason in one line."""
+    """Returns the row of a failed experiment, with the error as the reason, in one line."""
     reason = f"{type(error).__name__}: {' '.join(str(error).split())}"[:300]
     nothing = dict.fromkeys(MEASURED, np.nan)
     row = {**asdict(experiment), **nothing, **provenance(), "reason": reason}

@@ -1,4 +1,4 @@
-"""Digests of an experiment's inputs, which detect stale results.
+"""Digests of an experiment's inputs, which show whether a result is out of date.
 
 The digests are stored in the row of the experiment and in the folder of its training.
 """
@@ -53,7 +53,7 @@ def inputs_of(experiment: Experiment, recipe: Recipe, digests: pd.DataFrame) -> 
 
 
 def stale(plan: Plan, table: pd.DataFrame) -> pd.DataFrame:
-    """Returns the rows of finished experiments that have another recipe or other frames.
+    """Returns the rows of finished experiments whose recipe or frames differ from the plan's.
 
     Rows of the plan's detectors are included even if their scene or LiDAR is not in the plan,
     because all rows of a detector must have the same recipe. Rows of earlier versions have no
@@ -77,14 +77,14 @@ def stale(plan: Plan, table: pd.DataFrame) -> pd.DataFrame:
 
 
 def knows(table: pd.DataFrame) -> pd.Series:
-    """Returns which rows are finished experiments with digests of their inputs."""
+    """Returns a boolean for each row: whether the experiment is finished and has digests."""
     if "recipe" not in table:
         return pd.Series(False, index=table.index)
     return table.ap.notna() & table.recipe.notna()
 
 
 def check_experiments(experiments: Path, plan: Plan, progress: Progress = silent) -> None:
-    """Raises ConfigError if the table has stale rows; warns about rows without digests."""
+    """Raises ConfigError if the table has rows out of date; warns about rows without digests."""
     table = store.read(experiments)
     old = stale(plan, table)
     if len(old):
@@ -99,7 +99,7 @@ def check_experiments(experiments: Path, plan: Plan, progress: Progress = silent
     if unknown:
         progress(
             f"pyinfra: warning: {experiments}: {unknown} rows of an earlier version have no "
-            "recipe; they are read as rows of the current recipe"
+            "recipe; they are assumed to have the current recipe"
         )
 
 

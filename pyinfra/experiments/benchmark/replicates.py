@@ -31,7 +31,7 @@ class ExperimentReplicates:
 
     @cached_property
     def _numbers(self) -> dict[tuple[str, ...], int]:
-        """The number of the first row of each ground truth, measure and experiment."""
+        """The row number of each ground truth, measure and experiment; of several, the first."""
         if self.rows.empty:
             return {}
         columns = [self.rows[name].astype(str) for name in ("ground_truth", "measure", *KEY)]
@@ -41,7 +41,7 @@ class ExperimentReplicates:
     def alike(self, best: Key, others: Iterable[Key], ground_truth: str) -> list[int]:
         """Returns the indices of the `others` whose AP (R1000) is not significantly different.
 
-        They are compared with `best`. Experiments without bootstrap replicates are left out,
+        Each is compared with `best`. Experiments without bootstrap replicates are left out,
         because their difference has no interval. Raises Error for experiments whose replicates are
         of different blocks of time.
         """

@@ -36,9 +36,9 @@ def benchmark(
 ) -> None:
     """Runs the experiments that have no row yet, and writes the tables of results.
 
-    Failed experiments are tried again. Detectors are timed at the end, one at a time, when nothing
-    else of the benchmark runs. An experiment that fails raises no error, but gets a row with the
-    reason.
+    Failed experiments are tried again. Latencies are measured at the end, one detector at a time,
+    when no other part of the benchmark runs. An experiment that fails raises no error, but gets a
+    row with the reason.
 
     progress: called with a line for each step and experiment, also in the processes of the pool.
     Raises SimulatorError if a data set cannot be made, and ConfigError if the tables were made from
@@ -77,7 +77,7 @@ def benchmark(
 
 
 def check_costs(workspace: Workspace, plan: Plan) -> None:
-    """Raises ConfigError if the prices in the table include other costs of the site."""
+    """Raises ConfigError if the site's costs in the price table differ from those of the plan."""
     table = store.read(workspace.table("value"))
     for mounts, rows in table.groupby(mounts_of(table)) if len(table) else ():
         allowed = plan.costs.of_mounts(mounts).site_usd
@@ -190,7 +190,7 @@ def row_line(experiment: Experiment, row: pd.Series) -> str:
 
 
 def conclude(workspace: Workspace, plan: Plan) -> None:
-    """Updates the table of prices, which covers all finished experiments."""
+    """Updates the table of prices, which has a row for each finished experiment."""
     with held(workspace.results / "locks/conclude", wait=True):
         tables = {name: store.read(workspace.table(name)) for name in READ}
         if all(len(table) for table in tables.values()):

@@ -2,10 +2,10 @@
 
 A replicate has its own traffic and its own training seed. The first replicate chooses the two
 options (LiDAR and detector) with the highest AP of each scene and preset. After 3, 5 and 10 further
-replicates, these alone are used to compare the two. The choice and the comparison therefore have no
-data in common. The numbers of replicates are fixed beforehand and each comparison has a level of
-1 - 0.05 / 3. The probability that any of the three intervals of a pair excludes the true difference
-is therefore at most 5 %.
+replicates, the two options are compared over the further replicates only. The choice and the
+comparison therefore have no data in common. The numbers of replicates are fixed beforehand and each
+comparison has a level of 1 - 0.05 / 3. The probability that any of the three intervals of a pair
+excludes the true difference is therefore at most 5 %.
 """
 
 from collections.abc import Sequence
@@ -48,7 +48,7 @@ def benchmark_until(
 
     Returns
     -------
-    DataFrame, as in `comparison_table`. Its rows are also added to the table `until`.
+    DataFrame with the columns of `comparison_table`. Its rows are also added to the table `until`.
 
     Raises Error if the benchmark has several seeds or recorded traffic, or if an experiment failed.
     """

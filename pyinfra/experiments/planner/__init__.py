@@ -1,9 +1,11 @@
 """Plans positions of LiDARs. `plan.py` has the steps in order; each step has its file.
 
-- request: what is asked (with areas and goals), of which `site` and `detectability` of the detector
+- request: requirements, areas and goals; `site`: the scene; `detectability`: that of the detector
 - candidates: poses, and LiDARs within the budget (`costs`)
-- observe: what each pose and LiDAR sees; race: those that may be the best in more frames
-- choose: `choice` of the best sets, their `front` for other budgets, `predict` in other traffic
-- check: the best are simulated in full (`simulate`); `verdict` says what decides
+- observe: points of each pose and LiDAR on objects; race: more frames for the pairs that are best
+- choose: `choice` of the best sets, `front` for other budgets, `predict` in other traffic
+- check: the best options are simulated in full (`simulate`); `verdict`: is the request met?
 - answer: `sensitivity`, `tables`, and the words in `answer` and `notes`
+
+An option is a set of units. A unit is one LiDAR at one pose.
 """

@@ -1,4 +1,4 @@
-"""The answer of a plan in words: at most ten lines, and notes that hold the rest.
+"""The answer of a plan in words: at most ten lines, and notes with further details.
 
 Every figure is one of the tables of the plan.
 """
@@ -67,7 +67,7 @@ def answer_of(
     counting: Counting | None,
     cheaper: str = "",
 ) -> Answer:
-    """Makes the sentences. rows, every: the tables of options and candidates; cheaper: its line."""
+    """Makes the sentences. rows, every: tables of options, of candidates; cheaper: a sentence."""
     site, request, units = setting.site, setting.request, compared.units
     options = compared.stands[: compared.listed]
     frames = len(site.other_frames(setting.effort.check_frames))
@@ -97,7 +97,7 @@ def answer_of(
 
 
 def asked(site: PlanSite, request: Request) -> str:
-    """Returns the centre of the site and the request."""
+    """Returns a text with the centre of the site and the request."""
     x, y = map(round, site.centre.tolist())
     most = request.false_per_minute
     false = f", at most {most:g} false boxes a minute" if math.isfinite(most) else ""
@@ -117,7 +117,7 @@ def asked(site: PlanSite, request: Request) -> str:
 
 
 def verdict_lines(options: Sequence[Option], request: Request, frames: int) -> Iterator[str]:
-    """Yields the verdict, and what would settle or change it."""
+    """Yields the verdict and, unless the request is met, a sentence on what may change it."""
     standing = options[0][1]
     share, wanted = standing.recall, 100 * request.find
     if not share.is_known:
@@ -154,7 +154,7 @@ def verdict_lines(options: Sequence[Option], request: Request, frames: int) -> I
 
 
 def settled_by(standing: Standing, request: Request, frames: int) -> str:
-    """Returns what would settle a verdict that is not known."""
+    """Returns a sentence on the frames that are needed to decide a verdict that is not known."""
     if standing.source != SIMULATED:
         return "A simulation in full, of 30 frames or more, gives a narrower interval."
     most, name = max((n, name) for name, n in frames_needed(standing, request, frames).items())
@@ -168,7 +168,7 @@ def settled_by(standing: Standing, request: Request, frames: int) -> str:
 
 
 def sentence(option: Option, rows: pd.DataFrame, request: Request) -> str:
-    """Returns an option in an engineer's words."""
+    """Returns a sentence that describes an option."""
     price, standing = option[0].price, option[1]
     where = " and ".join(
         f"{row.lidar} at ({row.x_m:.1f}, {row.y_m:.1f}), {row.height_m:.1f} m above the road, yaw "
@@ -194,7 +194,7 @@ def sentence(option: Option, rows: pd.DataFrame, request: Request) -> str:
 
 
 def carrier(kind: str, *, existing: bool) -> str:
-    """Returns on what a LiDAR is, if that is not a new pole."""
+    """Returns a text on the support of a LiDAR, empty for a new pole."""
     if kind == "arm":
         return f" on an arm of {'an existing' if existing else 'a new'} mast"
     return " on an existing mast or wall" if existing else ""
@@ -231,7 +231,7 @@ def doubts(
     site: PlanSite,
     every: pd.DataFrame,
 ) -> Iterator[str]:
-    """Yields what is uncertain or assumed in the first option. every: the table of candidates."""
+    """Yields sentences on what is uncertain about the first option. every: table of candidates."""
     (choice, standing), costs = option, units.costs
     latency_ms, high_m = units.latency_ms(choice.units), every.height_m.max()
     lidars = [units.lidars[u] for u in choice.units]
@@ -279,7 +279,7 @@ def doubts(
 def price_line(
     moves: Sequence[Move], options: Sequence[Choice], units: Units, at: Standings
 ) -> str:
-    """Returns how the choice changes with prices."""
+    """Returns sentences on how the choice changes with prices."""
     number = {one.units: k for k, one in enumerate(options, start=1)}
     same = [one for one in moves if one.choice and number[one.choice.units] == 1]
     if len(same) == len(moves):
@@ -307,7 +307,7 @@ def price_line(
 
 
 def change_line(table: pd.DataFrame) -> str:
-    """Returns what the first option finds when a LiDAR fails or something else changes."""
+    """Returns a sentence on what the first option finds if a LiDAR fails or conditions change."""
     lost = table[table.case.str.endswith(" lost") & (table.recall > 0)]
     texts = [
         f"{row.recall:.0f} of 100 without {row.case.removesuffix(' lost')} ({row.source})"
@@ -327,7 +327,7 @@ def change_line(table: pd.DataFrame) -> str:
 
 
 def count_line(found: Counting, wanted: float) -> str:
-    """Returns the line of an answer. wanted: share of the passages that must be counted."""
+    """Returns a line on counted passages. wanted: share of the passages that must be counted."""
     if not found.has_lines:
         return "Counts: no line can be drawn across the roads of the site."
     if not found.passages:

@@ -26,7 +26,7 @@ WALL_M = 0.3  # distance of a LiDAR from the wall that carries it
 WALL_TO_ROAD_M = 20.0  # maximum distance of a wall with a LiDAR from the nearest carriageway
 LEAST_MEDIAN_M = 1.0  # minimum width of a median that carries a pole
 SEARCH_M = 20.0  # maximum distance from an impossible pose to a proposed free place
-ISLAND_M = 6.0  # a place with carriageway within 6 m on every side carries no pole
+ISLAND_M = 6.0  # a place gets no pole if carriageways are within this distance on every side
 APART_M = 1.0  # minimum distance between two positions; the later one is left out
 WORDS = frozenset({"existing", "kind", "name", "lidar", "left_out"})
 # Columns of an arm from the mast at x_m, y_m. The bearing is 0 to the north and 90 to the east.
@@ -49,7 +49,7 @@ GRID_RANGES = {
 
 @dataclass(frozen=True)
 class PoseGrid:
-    """How poses are made."""
+    """Spacing, heights and directions of the poses that are made."""
 
     every_m: float = 15.0
     heights_m: tuple[float, ...] = (4.0, 6.0, 8.0)
@@ -139,9 +139,9 @@ def read_poses(file: Path, folder: Path) -> pd.DataFrame:
 def filled(
     poses: pd.DataFrame, name: str, choices: Sequence[Mapping[str, FloatArray | float]]
 ) -> pd.DataFrame:
-    """Returns the poses, and each pose without a value in a column with each of the choices.
+    """Replaces each pose without a value in column `name` by one pose for each of the choices.
 
-    choices: values by column; arrays are (poses,).
+    choices: values by column, a number or an array (poses,). Returns all poses.
     """
     blank = poses[name].isna().to_numpy() if name in poses else np.ones(len(poses), bool)
     made = (poses.assign(**choice)[blank] for choice in choices)
@@ -171,7 +171,7 @@ def on_arms(poses: pd.DataFrame, file: Path) -> pd.DataFrame:
 
 
 def given_places(poses: pd.DataFrame) -> IntArray:
-    """Returns the number of the position of each pose of the user (n,), and -1 for other poses.
+    """Returns (n,) the position number of each pose that the user gave, and -1 for other poses.
 
     Every pose is -1 if the user gave more than MOST_GIVEN positions.
     """
@@ -181,9 +181,10 @@ def given_places(poses: pd.DataFrame) -> IntArray:
 
 
 def turned(poses: pd.DataFrame, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
-    """Returns the poses with each yaw and pitch where they have none, and the column `turn`.
+    """Returns the poses; a pose without yaw or pitch is repeated with each yaw and pitch of `grid`.
 
-    `turn` is 0 for the pose of LiDARs that see all around, which need no other.
+    Column `turn` is 0 for a given yaw and for the yaw to the centre. LiDARs that see all around use
+    only poses with `turn` 0.
     """
     to_centre = site.centre - poses[["x_m", "y_m"]].to_numpy(float)
     yaw = np.degrees(np.arctan2(to_centre[:, 1], to_centre[:, 0])).round(1)
@@ -199,7 +200,7 @@ def turned(poses: pd.DataFrame, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
 
 
 def with_faults(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:
-    """Returns the poses with the column `fault`: why no sensor can be there; empty if one can.
+    """Adds column `fault`: the reason why no sensor can have the pose; empty if one can.
 
     The rules are those of a scene's mounts: outside buildings, trees and lanes, above the ground.
     """
@@ -208,7 +209,7 @@ def with_faults(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:
 
 
 def feasible(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:
-    """Returns the poses without a fault. If there is none, raises Error with the nearest one."""
+    """Returns the poses without a fault. If there are none, raises Error that proposes a pose."""
     free = poses[poses.fault == ""].reset_index(drop=True)
     if free.empty:
         reasons = poses.fault.value_counts()
@@ -225,9 +226,10 @@ def feasible(poses: pd.DataFrame, site: PlanSite) -> pd.DataFrame:
 
 
 def nearest_free(site: PlanSite, pose: FloatArray) -> tuple[float, float, float] | None:
-    """Returns x, y, z of a pose that is free: at another height, or else beside the roads.
+    """Returns x, y, z of a free pose near `pose`: at another height, or else beside the roads.
 
-    Positions within SEARCH_M are tried at the height of the pose, the nearest first.
+    Beside the roads, positions within SEARCH_M are tried at the z of `pose`, the nearest first.
+    The result is None if none is free.
     """
     ground, outside = nearest_road(site.roads, pose[:2])
     for height in TRIED_M if outside > 0 else ():
@@ -266,7 +268,7 @@ def _beside_roads(
 
 
 def off_carriageways(places: FloatArray, roads: Sequence[Road]) -> BoolArray:
-    """Returns which places (n, 2) are beside the carriageways and not enclosed by them."""
+    """Returns which places (n, 2) are off the carriageways and not enclosed by them, (n,) bool."""
     beside = nearest_roads(roads, places)[1] >= KERB_M - KERB_TOLERANCE_M
     angles = np.arange(0, 2 * np.pi, np.pi / 8)
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)  # 16 unit vectors, (16, 2)
@@ -279,7 +281,7 @@ def off_carriageways(places: FloatArray, roads: Sequence[Road]) -> BoolArray:
 
 
 def _on_walls(site: PlanSite, every_m: float) -> Iterator[tuple[str, float, float, float, float]]:
-    """Yields positions in front of the walls of buildings that are near a carriageway."""
+    """Yields positions, as `_beside_roads`, at the walls of buildings near a carriageway."""
     for house in site.keys.get("buildings") or []:
         angle = math.radians(house.get("heading_deg", 0))
         along = np.array([math.cos(angle), math.sin(angle)])
@@ -302,8 +304,8 @@ def _on_walls(site: PlanSite, every_m: float) -> Iterator[tuple[str, float, floa
 
 
 def nearest_roads(roads: Sequence[Road], places: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns the height (n,) of the road nearest to each place (n, 2), and the distance (n,) from
-    its carriageway, below 0 on it.
+    """Returns the z (n,) of the road nearest to each place (n, 2), and the distance (n,) from the
+    edge of its carriageway, which is negative on the carriageway.
     """
     height, outside = np.zeros(len(places)), np.full(len(places), np.inf)
     for road in roads:
@@ -315,6 +317,6 @@ def nearest_roads(roads: Sequence[Road], places: FloatArray) -> tuple[FloatArray
 
 
 def nearest_road(roads: Sequence[Road], at: FloatArray) -> tuple[float, float]:
-    """Returns the height of the nearest road, and the distance from its carriageway."""
+    """Returns the z of the nearest road, and the distance from the edge of its carriageway."""
     height, outside = nearest_roads(roads, at[None])
     return float(height[0]), float(outside[0])

@@ -23,9 +23,10 @@ MOST_SIMULATED = 6  # maximum number of simulated options, plus one with other L
 
 
 def check(setting: Setting, chosen: Compared) -> tuple[Compared, dict[tuple[int, ...], Found]]:
-    """Simulates options until the first ones are measured, and one of another kind.
+    """Simulates the first LISTED options in full, and one with other LiDARs or pole count.
 
-    Returns the options in their order, with the measured figures, and what was found.
+    Returns the options in their new order with measured figures, and the result of each
+    simulation by units.
     """
     site, request, units = setting.site, setting.request, chosen.units
     standings, found = dict(chosen.standings), dict[tuple[int, ...], Found]()
@@ -68,15 +69,16 @@ def simulate(one: Choice, compared: Compared, setting: Setting) -> Found:
 
 
 def parts_of(one: Choice, compared: Compared, setting: Setting) -> Parts:
-    """Returns pose and LiDAR of each unit of an option."""
+    """Returns the pose and the LiDAR of each unit of an option."""
     poses = setting.poses[POSE].to_numpy(float)[compared.unseen.stayed.pose]
     return [(poses[u].tolist(), compared.units.lidars[u].unit) for u in one.units]
 
 
 def share(found: Found, counted: AnyArray) -> Interval:
-    """Returns the share of the counted objects that is found, for an hour of other traffic.
+    """Returns the share of the counted objects that is found, with its interval.
 
-    The interval has the frames as clusters. Its variance is at least that of independent objects.
+    The interval is for the mean over an hour of other traffic. Its variance is that of frames as
+    clusters, but at least that of independent objects.
     """
     some = found.objects[counted]
     if some.empty:
@@ -90,7 +92,7 @@ def share(found: Found, counted: AnyArray) -> Interval:
 
 
 def false_rate(found: Found) -> Interval:
-    """Returns the false boxes of a frame."""
+    """Returns the mean number of false boxes per frame, with its interval."""
     value, n = float(found.false.mean()), max(found.frames, 2)
     variance = max(float(found.false.var(ddof=1)) if found.frames > 1 else value, value, 1 / n) / n
     return _over_frames(value, variance, n, (0.0, math.inf))
@@ -99,7 +101,7 @@ def false_rate(found: Found) -> Interval:
 def _over_frames(
     value: float, variance: float, frames: int, within: tuple[float, float]
 ) -> Interval:
-    """Returns a figure with Student's interval over frames, within its possible values."""
+    """Returns a figure with Student's t interval over frames, clipped to the range `within`."""
     half = student(frames) * math.sqrt(variance)
     return clipped(Interval(value, value - half, value + half), *within)
 
@@ -129,10 +131,10 @@ def standing(
 
 
 def paired(before: Found, after: Found, site: PlanSite, within_m: float) -> Interval:
-    """Returns by how much the share of the vehicles within a distance changes, -1 to 1.
+    """Returns the change of the share of vehicles within a distance that are found, -1 to 1.
 
-    Both are of the same frames. The interval is over the frames, in each of which the difference
-    counts by the number of its vehicles.
+    `before` and `after` must be of the same frames. The interval is over the frames. Frames have
+    weights proportional to their numbers of vehicles.
     """
     near = [one.objects[near_vehicles(one, site, within_m)] for one in (before, after)]
     if any(some.empty for some in near):
@@ -148,10 +150,10 @@ def paired(before: Found, after: Found, site: PlanSite, within_m: float) -> Inte
 def cheaper_line(
     compared: Compared, found: Mapping[tuple[int, ...], Found], setting: Setting
 ) -> str:
-    """Returns a sentence about the cheapest option whose share is not significantly another one.
+    """Returns a sentence on the cheapest option whose share does not differ significantly.
 
     Only listed options that were simulated in the frames of option 1 are compared. The text is
-    empty if there is none, or if option 1 meets the request.
+    empty if there is no such option, or if option 1 meets the request.
     """
     first, *others = compared.options[: compared.listed]
     met = verdict(compared.standings[first.units], setting.request) == "met"

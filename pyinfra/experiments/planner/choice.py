@@ -1,8 +1,8 @@
-"""Chooses the LiDARs of an option: exactly for one or two, by a greedy search beyond.
+"""Chooses the LiDARs of an option: one or two by an exact search, more by a greedy search.
 
 An option is a set of units. A unit is one LiDAR at one pose. Units find an object independently of
-each other: P(found) = 1 - product of (1 - p). The value of an option is the weighted share of all
-present objects that it finds, seen or not.
+each other: P(found) = 1 - product of (1 - p), where p is the probability of each unit. The value of
+an option is the weighted share of all present objects, visible or not, that it finds.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
@@ -24,7 +24,7 @@ SHOWN = 12  # number of best options that are kept for one unit, and for two uni
 
 @dataclass(frozen=True, eq=False)
 class Units:
-    """What a choice needs to know of n units."""
+    """The properties of n units on which a choice depends."""
 
     probability: Float32Array  # (n, objects) probability that the unit finds the object
     weight: FloatArray  # (objects,) weight of each object in the choice
@@ -35,7 +35,7 @@ class Units:
     given: IntArray | None = None  # (n,) number of the user's position or -1; None if all are -1
 
     def given_at(self, unit: int) -> int:
-        """Returns the number of the user's position of a unit, -1 for a pose that was made."""
+        """Returns the number of the position that the user gave for a unit, -1 if it was made."""
         return -1 if self.given is None else int(self.given[unit])
 
     def names(self, units: Sequence[int]) -> list[str]:
@@ -47,18 +47,18 @@ class Units:
         return {int(self.place[u]): bool(self.existing[u]) for u in units}
 
     def parts(self, units: Sequence[int]) -> dict[str, Range]:
-        """Returns the lines of the price of an option over the years."""
+        """Returns the items of the price of an option over the years of use, by name."""
         there = self.poles(units).values()
         return self.costs.parts(
             [self.lidars[u] for u in units], len(there) - sum(there), len(there)
         )
 
     def latency_ms(self, units: Sequence[int]) -> float:
-        """Returns the time of a frame of an option on one core. Each LiDAR of a bundle counts."""
+        """Returns the detection time per frame of an option on one core, over all its LiDARs."""
         return self.costs.latency_ms * sum(self.lidars[u].units for u in units)
 
     def price(self, units: Sequence[int]) -> Range:
-        """Returns the price of an option over the years."""
+        """Returns the price of an option over the years of use."""
         return sum(self.parts(units).values(), NOTHING)
 
     def value(self, units: Sequence[int]) -> float:
@@ -74,7 +74,7 @@ class Units:
 
 @dataclass(frozen=True)
 class Choice:
-    """A set of units. `bound`: no set of as many units within the budget finds a larger share."""
+    """A set of units. No set of as many units within the budget has a `value` above `bound`."""
 
     units: tuple[int, ...]
     value: float
@@ -93,7 +93,7 @@ class Choice:
 
 
 def units_of(observed: Observed, setting: Setting) -> Units:
-    """Returns the pairs that the search has not dropped as the units of a choice."""
+    """Returns the pairs of pose and LiDAR that the race has not left out, as units of a choice."""
     stayed, objects = observed.stayed, observed.objects
     probability = detection_probabilities(
         observed.seen, stayed, objects, setting.law, setting.request
@@ -137,7 +137,7 @@ def considered(units: Units, request: Request) -> list[Choice]:
 
 
 def merged(options: Iterable[Choice]) -> list[Choice]:
-    """Returns each option once. A later one replaces an earlier one of the same units."""
+    """Returns each option once. Of options with the same units, the last one is returned."""
     return list({one.key: one for one in options}.values())
 
 
@@ -150,15 +150,15 @@ def first_of_each(options: Iterable[Choice], key: Callable[[Choice], Hashable]) 
 
 
 def first_at_each_place(options: Iterable[Choice], units: Units) -> list[Choice]:
-    """Returns the options without those that have the LiDARs and positions of an earlier one.
+    """Returns the first of the options that have the same LiDARs at the same positions.
 
-    The others differ from an earlier one in height, pitch or yaw only.
+    The options that are left out differ from the first in height, pitch or yaw only.
     """
     return first_of_each(options, lambda one: stands(one, units))
 
 
 def stands(one: Choice, units: Units) -> tuple[tuple[int, int, str], ...]:
-    """Returns the numbers of the pole and of the user's position, and the LiDAR, of each unit."""
+    """Returns (pole number, number of the position that the user gave, LiDAR) of each unit."""
     return tuple(
         sorted((int(units.place[u]), units.given_at(u), units.lidars[u].name) for u in one.units)
     )
@@ -167,10 +167,10 @@ def stands(one: Choice, units: Units) -> tuple[tuple[int, int, str], ...]:
 def listed(
     order: Sequence[Choice], best: Sequence[Choice], units: Units, first: int
 ) -> tuple[list[Choice], int]:
-    """Returns the options with those of the table in front, and the number of these.
+    """Returns the options, those of the table first, and the number of options in the table.
 
-    The table has the `first` options, and all of `best`. Of options with the same LiDARs at the
-    same positions, it has only the first.
+    The table has the first `first` options, and all of `best`. Of options with the same LiDARs at
+    the same positions, it has only the first.
     """
     always = {stands(one, units) for one in best}
     each = first_at_each_place(order, units)
@@ -202,7 +202,10 @@ def pairs(units: Units, request: Request) -> list[Choice]:
 
 
 def allowed_pairs(units: Units, request: Request) -> tuple[IntArray, IntArray, Float32Array]:
-    """Returns the pairs of units that a request allows, and the weights they miss: each (n,)."""
+    """Returns first and second unit of each allowed pair, and the weight of the objects it misses.
+
+    Each array is (n,).
+    """
     count = len(units.probability)
     missed = 1 - units.probability
     both = (missed * units.weight.astype(np.float32)) @ missed.T
@@ -215,7 +218,7 @@ def allowed_pairs(units: Units, request: Request) -> tuple[IntArray, IntArray, F
 
 
 def pair_prices(units: Units, same: BoolArray) -> FloatArray:
-    """Returns the middle price of each pair of units: (n, n). same: whether they share a pole.
+    """Returns the middle price of each pair of units: (n, n). same: whether the two share a pole.
 
     Pairs of the same LiDARs on new or existing poles have the same price.
     """
@@ -230,11 +233,11 @@ def pair_prices(units: Units, same: BoolArray) -> FloatArray:
 
 
 def greedy(units: Units, request: Request) -> Choice | None:
-    """Returns an option of any number of units, and a bound of the best one.
+    """Returns an option of any number of units, with an upper bound of the best value.
 
     Two greedy searches are made, by gain and by gain per dollar, and the better one is returned.
     The bound is value + the largest sum of gains that the limits of number and price allow. Gains
-    only shrink as units are added, so that no option can exceed it.
+    only shrink as units are added, so that no option can exceed the bound.
     """
     options = [_search(units, request, per_dollar=per_dollar) for per_dollar in (False, True)]
     best = max(options, key=units.value)
@@ -291,10 +294,10 @@ def upper_bound(units: Units, chosen: list[int], budget_usd: float, most: int) -
 
 
 def least_prices(units: Units, budget_usd: float) -> tuple[FloatArray, float]:
-    """Returns the least that each unit adds to a price (n,), and what is left for all of them.
+    """Returns the minimum that each unit adds to a price (n,), and the budget for all units.
 
-    A unit adds at least its LiDAR and cable. Every option has at least one pole, one computer and
-    the rest of the cheapest option of one unit.
+    A unit adds at least its LiDAR and cable. The other costs of an option, such as a pole and a
+    computer, are at least those of the cheapest option of one unit. The budget is without them.
     """
     cable_usd = units.costs.lines["cable_usd"].middle
     least = np.array([one.price_usd.middle + cable_usd * one.units for one in units.lidars])

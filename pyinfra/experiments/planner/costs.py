@@ -73,13 +73,13 @@ class PlanLidar:
 
 
 def open_lidars(names: Sequence[StrPath], site: PlanSite) -> list[PlanLidar]:
-    """Opens LiDARs by name or file; without names, all of the catalogue that have the preset."""
+    """Opens LiDARs by name or file; without names, those of the catalogue that have the preset."""
     world = simulation.load_scene(site.file, preset=site.preset, mount=site.mount)
     return [_open(file, site.preset, world) for file in _files(names, site.preset)]
 
 
 def common_period_s(names: Sequence[StrPath], preset: str) -> float:
-    """Returns the frame period of LiDARs, as in `open_lidars`.
+    """Returns the frame period of the LiDARs that `open_lidars` would open.
 
     Raises Error if periods differ, for a LiDAR without a price, and for a LiDAR given twice.
     """
@@ -128,7 +128,7 @@ def _open(file: Path, preset: str, world: simulation.World) -> PlanLidar:
 
 @dataclass(frozen=True, eq=False)
 class Costs:
-    """The lines of a table of costs, years of use, and what one computer can run."""
+    """A table of costs, the years of use, and the load of one LiDAR on a computer."""
 
     lines: dict[str, Range]
     sources: dict[str, str]
@@ -150,7 +150,8 @@ class Costs:
     def parts(self, lidars: Sequence[PlanLidar], new_poles: int, poles: int) -> dict[str, Range]:
         """Returns the ranges whose sum is the price of an option, by name.
 
-        new_poles: poles that must be set up. poles: all, with existing masts.
+        new_poles: number of poles that must be set up. poles: number of all poles, including
+        existing masts.
         """
         line, count = self.lines, sum(lidar.units for lidar in lidars)
         computers = self.computers(count)
@@ -173,7 +174,7 @@ class Costs:
 def read_costs(
     file: Path | None, years: float, law: Detectability, period_s: float = PERIOD_S
 ) -> Costs:
-    """Reads a table of costs, by default that of the package. period_s: of the LiDARs' frames.
+    """Reads a table of costs, by default that of the package. period_s: frame period.
 
     Columns: item, per, low, high, source; one row for each of ITEMS. Raises FormatError.
     """
@@ -218,7 +219,7 @@ def affordable(lidars: list[PlanLidar], costs: Costs, budget_usd: float) -> list
 def lowest_prices(
     lidars: Sequence[PlanLidar], poses: pd.DataFrame, costs: Costs
 ) -> dict[str, float]:
-    """Returns the price of each LiDAR alone, on an existing pole if there is one."""
+    """Returns by LiDAR the price of one unit, on an existing pole if there is one."""
     return {
         one.name: costs.price([one], 0 if poses.existing.any() else 1, 1).middle for one in lidars
     }
@@ -229,8 +230,8 @@ def possible(
 ) -> BoolArray:
     """Returns which pairs of pose and LiDAR are observed: (poses, lidars).
 
-    Each is within the budget. A LiDAR that sees all around needs no second yaw at the same place.
-    Raises Error if there is none.
+    These pairs are within the budget. A LiDAR that sees all around needs no second yaw at a place.
+    Raises Error if there is no such pair.
     """
     prices = np.array([[costs.price([one], new, 1).middle for one in lidars] for new in (1, 0)])[
         poses.existing.to_numpy(int)

@@ -1,10 +1,11 @@
 """The probability that a detector finds an object with points, and its rate of false boxes.
 
-P(found at score s or above) is a logistic function of a few terms of the object's points, and of
-s. False boxes per frame at score s or above are a log-linear function of s and of the number of
-objects with points. Both have terms for LiDARs that do not spin, because the points of their
-patterns lie differently on an object. Both are fitted by `python -m reproduction detectability`.
-The file of the coefficients has replicates of the fit over generated sites, for intervals.
+The probability that an object is found by a box of score s or above is a logistic function of s and
+of a few terms of the object's points. False boxes per frame at score s or above are a log-linear
+function of s and of the number of objects with points. Both have terms for LiDARs that do not spin,
+because the points of their patterns lie differently on an object. Both are fitted by
+`python -m reproduction detectability`. The file of the coefficients has replicates of the fit over
+generated sites, for intervals.
 """
 
 import json
@@ -40,10 +41,11 @@ class Law:
 
 @dataclass(frozen=True)
 class UnseenErrors:
-    """Standard deviations of the predictions at sites and LiDARs that no fit has used.
+    """Standard deviations of the prediction errors at sites and LiDARs that no fit has used.
 
     recall and people are shares (0 to 1), ap is 0 to 100, and log_false is of the natural logarithm
-    of the false boxes per frame. The noise of the measured frames is not part of them.
+    of the false boxes per frame. The standard deviations do not include the noise of the measured
+    frames.
     """
 
     recall: float
@@ -54,12 +56,12 @@ class UnseenErrors:
 
 @dataclass(frozen=True, eq=False)
 class Detectability:
-    """The laws of one detector, and how they were measured."""
+    """The laws (fitted functions) of one detector, and how they were measured."""
 
     detector: str
     pilot: bool  # whether the fit has fewer sites than a decision needs
     sites: int
-    latency_ms: float  # CPU time of a frame of one LiDAR
+    latency_ms: float  # CPU time per frame of one LiDAR
     vehicles: Law
     people: Law | None
     unseen: UnseenErrors
@@ -68,7 +70,7 @@ class Detectability:
 
 
 def read_detectability(detector: str, file: Path = FILE) -> Detectability:
-    """Reads the laws of a detector. Raises Error for one that has none."""
+    """Reads the laws of a detector. Raises Error for a detector without laws."""
     every = json.loads(file.read_text(encoding="utf-8"))
     check_name(detector, every, "detector")
     one = every[detector]
@@ -92,8 +94,8 @@ def law_of(plain: dict[str, list[list[float]]], detector: str) -> Law:
         terms = len(OBJECT_TERMS), len(FALSE_TERMS)
         got = detection.shape[1:], false.shape[1:]
         raise Error(
-            f"detector: {detector}: expected {terms[0]} and {terms[1]} coefficients of "
-            f"detectability as in this version, got arrays of shapes {got[0]} and {got[1]}"
+            f"detector: {detector}: expected rows of shapes ({terms[0]},) and ({terms[1]},), the "
+            f"coefficients of this version, got rows of shapes {got[0]} and {got[1]}"
         )
     return Law(detection, false)
 
@@ -104,7 +106,7 @@ def score_term(cut: float | FloatArray) -> FloatArray:
 
 
 def object_terms(seen: pd.DataFrame) -> FloatArray:
-    """Returns the terms (n, OBJECT_TERMS) of seen objects, for a score of 0.5.
+    """Returns the terms (n, number of OBJECT_TERMS) of seen objects, for a score of 0.5.
 
     seen: columns points, along, up, distance, visibility, type, speed, spinning (whether the LiDAR
     spins).
@@ -132,7 +134,7 @@ def object_terms(seen: pd.DataFrame) -> FloatArray:
 
 
 def with_score(terms: FloatArray, cut: float | FloatArray) -> FloatArray:
-    """Returns object terms for another score, a number or one per object."""
+    """Returns the object terms for another score `cut`: one for all objects, or one per object."""
     out = terms.copy()
     out[:, -2] = score_term(cut)
     out[:, -1] = out[:, -2] * out[:, 1]
@@ -148,7 +150,7 @@ def detection_probability(coefficients: FloatArray, terms: FloatArray, cut: floa
 def false_terms(
     cut: float | FloatArray, seen_per_frame: float | FloatArray, spinning: float
 ) -> FloatArray:
-    """Returns the terms (n, FALSE_TERMS) of false boxes at scores, or at numbers of objects.
+    """Returns the terms (n, number of FALSE_TERMS) for scores, or for numbers of seen objects.
 
     spinning: share of the LiDARs that spin, 0 to 1.
     """
@@ -173,7 +175,8 @@ def cut_of(
 ) -> tuple[float, bool]:
     """Returns the minimum score of a box, and whether false boxes are as rare as the user asks.
 
-    It is the lowest score with at most this rate of false boxes, or CUT if the rate is unlimited.
+    The score is the lowest one with at most `most_per_frame` false boxes per frame, or CUT if the
+    rate is unlimited.
     """
     if not np.isfinite(most_per_frame):
         return CUT, True
@@ -185,7 +188,7 @@ def cut_of(
 def ap_of_counts(true_positives: FloatArray, false_positives: FloatArray, objects: int) -> float:
     """Returns the AP, 0 to 100; NaN without objects.
 
-    true_positives, false_positives: (CUTS,) expected numbers of boxes at each score or above.
+    true_positives, false_positives: expected numbers of boxes with at least each score of CUTS.
     """
     if objects == 0:
         return float("nan")

@@ -1,6 +1,6 @@
-"""The front of price against recall: the options among which a choice may fall.
+"""The Pareto front of price and recall: the options that may be the best choice.
 
-A choice depends on the budget, the wanted share, the number of poles and the LiDARs that are
+The choice depends on the budget, the wanted share, the number of poles and the LiDARs that are
 allowed. The front holds the best option for each of these settings. It is exact for one and two
 LiDARs over all pairs of pose and LiDAR that were not left out. Beyond two it is greedy.
 """
@@ -42,7 +42,7 @@ from pyinfra.experiments.planner.verdict import Compared
 from pyinfra.metrics.comparison import UNKNOWN
 
 UNSEEN_FRAMES = 48  # number of frames for predictions, in traffic other than that of the choice
-CELL_M = 5.0
+CELL_M = 5.0  # side of a square in which vehicles are counted
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class Front:
 
 
 def choose(setting: Setting, raced: Observed) -> Compared:
-    """Returns the options of the pairs that stayed, as predicted in other traffic."""
+    """Returns options of the pairs that the race kept, with predictions for other traffic."""
     site, request, law = setting.site, setting.request, setting.law
     units = units_of(raced, setting)
     goals = goals_of(site, raced.objects.table, law, request)
@@ -94,10 +94,10 @@ def choose(setting: Setting, raced: Observed) -> Compared:
 
 
 def front_options(units: Units, goals: Sequence[Goal], request: Request) -> list[Choice]:
-    """Returns the options that are best for some goal, budget, number of poles and LiDARs.
+    """Returns the options that are best for some goal, budget, number of poles and set of LiDARs.
 
-    An option is left out if an option of the same or fewer poles and LiDAR models finds as much
-    for the same or a lower price.
+    An option is left out if another option with no more poles and no other LiDAR models finds at
+    least as many objects for the same or a lower price.
     """
     kept: list[Choice] = []
     for goal in goals:
@@ -109,7 +109,7 @@ def front_options(units: Units, goals: Sequence[Goal], request: Request) -> list
 
 
 def with_bound(one: Choice, best: Sequence[Choice], units: Units, request: Request) -> Choice:
-    """Returns an option of the front with its value for the plan's weights, and their bound."""
+    """Returns an option of the front with value and bound for the plan's weights of objects."""
     count = len(one.units)
     bounds = [other.bound for other in best if len(other.units) == count] or [
         upper_bound(units, [*one.units], request.budget_usd, count)
@@ -118,7 +118,7 @@ def with_bound(one: Choice, best: Sequence[Choice], units: Units, request: Reque
 
 
 def undominated(options: Sequence[Choice], units: Units) -> list[Choice]:
-    """Returns the options that no other option with as many poles and LiDARs or fewer dominates."""
+    """Returns the options that no other option dominates, by the rule of `front_options`."""
     rows = [
         (one.price.middle, -one.value, len(units.poles(one.units)), {*units.names(one.units)}, one)
         for one in options
@@ -132,13 +132,13 @@ def undominated(options: Sequence[Choice], units: Units) -> list[Choice]:
 
 
 def _best_of_each(key: IntArray, value: FloatArray) -> IntArray:
-    """Returns the index of the largest value of each key."""
+    """Returns for each distinct key the index of its largest value."""
     order = np.lexsort((-value, key))
     return order[np.unique(key[order], return_index=True)[1]]
 
 
 def _best_singles(units: Units, model: IntArray, request: Request) -> Iterator[Choice]:
-    """Yields the best option of one unit of each LiDAR, on a new and on an existing pole."""
+    """Yields each LiDAR's best option of one unit on a new pole, and on an existing pole."""
     for u in _best_of_each(2 * model + units.existing, units.probability @ units.weight):
         one = choice_of(units, [int(u)], "exact")
         if one.price.middle <= request.budget_usd:
@@ -146,7 +146,7 @@ def _best_singles(units: Units, model: IntArray, request: Request) -> Iterator[C
 
 
 def _best_pairs(units: Units, model: IntArray, request: Request) -> Iterator[Choice]:
-    """Yields the best pair of each two LiDARs, for each number of poles and of existing poles."""
+    """Yields the best pair of each two LiDAR models, by the numbers of poles and existing poles."""
     i, j, missed = allowed_pairs(units, request)
     low, high = np.minimum(model[i], model[j]), np.maximum(model[i], model[j])
     same = units.place[i] == units.place[j]
@@ -157,7 +157,7 @@ def _best_pairs(units: Units, model: IntArray, request: Request) -> Iterator[Cho
 
 
 def _best_sets(units: Units, model: IntArray, request: Request) -> list[Choice]:
-    """Returns greedy options of more than two units, of all LiDARs and of each one alone."""
+    """Returns greedy options of over two units: of all LiDAR models, and of each model alone."""
     if min(request.units, most_units(units, request.budget_usd)) <= 2:
         return []
     options = [
@@ -173,7 +173,7 @@ def _best_sets(units: Units, model: IntArray, request: Request) -> list[Choice]:
 
 
 def front_of(compared: Compared, rows: pd.DataFrame, setting: Setting) -> Front:
-    """Returns the front. rows: those of all options in `option_table`."""
+    """Returns the front. rows: result of `option_table` for all options."""
     units, request, law = compared.units, setting.request, setting.law
     numbered = list(enumerate(compared.stands, start=1))
     probability = [compared.predicted(one.units).probability for one in compared.options]
@@ -204,7 +204,7 @@ def _sentences(
     goals: Sequence[Goal],
     request: Request,
 ) -> Iterator[str]:
-    """Yields the sentence of an option for each distance."""
+    """Yields a sentence on an option for each distance of the goals."""
     choice, standing = option
     for within in distances(goals):
         of = {g.what: standing.shares[g.column] for g in goals if g.within_m == within}
@@ -217,9 +217,9 @@ def _sentences(
 
 
 def _cells(probability: Sequence[FloatArray], objects: Objects) -> Cells:
-    """Returns the share of the vehicles of each cell that each option finds.
+    """Returns the share of the vehicles in each cell that each option finds.
 
-    probability: (objects,) probability of each option that it finds each object.
+    probability: for each option (objects,), the probability that it finds each object.
     """
     vehicles = ~objects.table.person.to_numpy(bool)
     cells = np.floor(objects.table[["x", "y"]].to_numpy(float)[vehicles] / CELL_M)

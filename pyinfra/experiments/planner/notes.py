@@ -19,7 +19,7 @@ def usd(value: float) -> str:
 def how_chosen(
     options: Sequence[tuple[Choice, Standing]], rows: pd.DataFrame, request: Request, units: Units
 ) -> Iterator[str]:
-    """Yields how the first option was chosen."""
+    """Yields sentences on how the first option was chosen."""
     choice = options[0][0]
     yield from number_of_poles(rows)
     if choice.method == "greedy":
@@ -40,7 +40,7 @@ def how_chosen(
 
 
 def number_of_poles(rows: pd.DataFrame) -> Iterator[str]:
-    """Yields the best option of each number of poles, if there are several."""
+    """Yields a sentence on the best option of each number of poles, unless there is only one."""
     order = rows.drop_duplicates("option").sort_values("share", ascending=False)
     best = order.drop_duplicates("poles").sort_values("poles")
     if len(best) < 2:
@@ -54,7 +54,7 @@ def number_of_poles(rows: pd.DataFrame) -> Iterator[str]:
 
 
 def left_out(every: pd.DataFrame) -> Iterator[str]:
-    """Yields lines on the LiDARs that were compared, and on what was left out, by reason."""
+    """Yields sentences on the compared LiDARs, and on left-out poses and pairs by reason."""
     pairs = every[every.lidar != ""]
     yield f"LiDARs within the budget: {', '.join(sorted(pairs.lidar.unique()))}."
     faults = every[every.lidar == ""].left_out.value_counts()
@@ -70,7 +70,7 @@ def left_out(every: pd.DataFrame) -> Iterator[str]:
 
 
 def few_positions(poses: pd.DataFrame, request: Request) -> str:
-    """Returns a sentence if fewer positions are possible than poles are asked for."""
+    """Returns a sentence if fewer positions are possible than poles are requested, else ""."""
     count = len(poses.drop_duplicates(POSE[:2]))
     if count >= request.poles:
         return ""

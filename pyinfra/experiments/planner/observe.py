@@ -1,7 +1,7 @@
 """Observations of the objects of a site by each pose and LiDAR, without writing point clouds.
 
 An observation is one object in one frame with at least one point: its points and their extents,
-its distance from the LiDAR and its visible share. Only rays that may meet an object are cast.
+its distance from the LiDAR and its visible share. Only rays that may hit an object are cast.
 """
 
 import hashlib
@@ -35,7 +35,7 @@ POSES_AT_ONCE = 8
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What the steps of a plan need: the site, the request, and what an option may consist of."""
+    """The input of the steps of a plan: site, request, and possible poses and LiDARs of options."""
 
     site: PlanSite
     request: Request
@@ -69,7 +69,7 @@ class Objects:
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """Pairs of pose and LiDAR, and the observations of those that were not left out."""
+    """Pairs of pose and LiDAR, and the observations of the pairs that were not left out."""
 
     pairs: pd.DataFrame  # columns pose, lidar, frames, spinning, recall, left_out
     seen: pd.DataFrame  # observations of the pairs that were not left out; has columns pair, object
@@ -86,7 +86,8 @@ def weighted_objects(
 ) -> Objects:
     """Returns the objects of some frames.
 
-    Those farther than asked for have weight 0, and so have people if the detector finds none.
+    Objects beyond the distance of the request have weight 0. So do people if the detector does not
+    detect people.
     """
     table = site.present[site.present.frame.isin(frames)].reset_index(drop=True)
     near = site.is_near(table, request.within_m)
@@ -98,7 +99,11 @@ def weighted_objects(
 def check_site(
     site: PlanSite, request: Request, law: Detectability, check_frames: int, *, drawn: bool
 ) -> None:
-    """Raises Error if no object has a weight. drawn: whether the areas are those of the user."""
+    """Raises Error if no object has a weight above 0, or if an area of the user is off all roads.
+
+    Also raises Error if the check leaves no frames from which `background` can learn. drawn:
+    whether the user gave the areas.
+    """
     if drawn:
         check_on_roads(request.areas, site.roads)
     objects = weighted_objects(site, request, law, site.frames)
@@ -113,13 +118,13 @@ def check_site(
     all_used = len(site.other_frames(check_frames)) >= site.every_frame
     if request.detector == "background" and check_frames and all_used:
         raise Error(
-            f"check_frames: expected less than {site.every_frame}, got {check_frames}; the "
-            "detector learns from the other frames of the scene"
+            f"check_frames: expected fewer than the {site.every_frame} frames of the scene, got "
+            f"{check_frames}; the detector background learns from the other frames"
         )
 
 
 def joined(rows: pd.DataFrame, pairs: pd.DataFrame, objects: Objects) -> pd.DataFrame:
-    """Returns observations with their pair, object, type and speed, and whether the LiDAR spins."""
+    """Adds the columns pair, object, type, speed and spinning to the observations `rows`."""
     index = pd.Series(pairs.index, index=pd.MultiIndex.from_frame(pairs[["pose", "lidar"]]))
     pair = index.reindex(pd.MultiIndex.from_frame(rows[["pose", "lidar"]])).to_numpy()
     table = objects.table[["frame", "id", "type", "speed"]].assign(object=objects.table.index)
@@ -131,11 +136,11 @@ def joined(rows: pd.DataFrame, pairs: pd.DataFrame, objects: Objects) -> pd.Data
 def observed_again(
     setting: Setting, site: PlanSite, stayed: pd.DataFrame, units: Iterable[int]
 ) -> Observed:
-    """Observes units in the frames of a site, which the choice has not used.
+    """Observes units in the frames of `site`. The choice must not have used these frames.
 
     The share that an option finds in the frames of the choice is too high on average, because the
-    options were selected for it. stayed: pose and lidar of each unit. The result has the same
-    numbers of units.
+    options were selected for it. stayed: pose and lidar of each unit. Units have the same numbers
+    in the result as in `stayed`.
     """
     some = stayed.iloc[sorted(set(units))]
     wanted = np.zeros((len(setting.poses), len(setting.lidars)), bool)
@@ -161,8 +166,8 @@ def observe(
     """Returns a row for each object, frame, pose and LiDAR with at least one point.
 
     wanted: (poses, lidars) bool, which pairs to observe. folder: finished parts are kept in it, so
-    that an interrupted call resumes. Columns: pose, lidar (numbers of rows), frame, id, points,
-    along, across, up (extents in metres), distance (m), visibility (0 to 1).
+    that an interrupted call resumes. Columns: pose, lidar (indices in the arguments), frame, id,
+    points, along, across, up (extents in metres), distance (m), visibility (0 to 1).
     """
     tasks = np.flatnonzero(wanted.any(axis=1))
     where = poses[POSE].to_numpy(float)
@@ -210,7 +215,7 @@ def _observed(
     wanted: AnyArray,
     frames: Sequence[int],
 ) -> AnyArray:
-    """Returns the rows of some poses; `at` and `lidar` are numbers of the arguments."""
+    """Returns the observations of some poses; `at`, `lidar`: indices in `poses` and `lidars`."""
     parts = []
     for at, pose in enumerate(poses):
         some = np.flatnonzero(wanted[at])

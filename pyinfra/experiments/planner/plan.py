@@ -1,4 +1,4 @@
-"""The public function `plan`: where LiDARs stand, which, how high and how many.
+"""The public function `plan`: number, models, positions and heights of LiDARs for a site.
 
 Its steps in order: candidates, observe, race, choose, check, answer.
 """

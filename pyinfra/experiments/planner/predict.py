@@ -1,8 +1,8 @@
-"""Predicts what an option finds: shares, false boxes and AP, each with an interval.
+"""Predicts the shares of found objects, the false boxes and the AP of an option, with intervals.
 
-An interval is for the mean over an hour of other traffic. It has three parts: the fit of the
-detectability (replicates over generated sites), its error at a site that the fit has not seen, and
-the frames of the plan (their spread). They are added as variances.
+An interval is for the mean over an hour of other traffic. It is computed from the sum of
+three variances: of the fit of the detectability (replicates over generated sites), of its error at
+sites that the fit has not used, and of the figure over the frames of the plan.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,10 +33,10 @@ SIMULATED, PREDICTED = "simulated", "predicted"
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """The figures of an option that decide. Shares are 0 to 1."""
+    """The figures of an option by which it is chosen. Shares are 0 to 1."""
 
     recall: Interval  # recall of vehicles within the distance of the request
-    people: Interval
+    people: Interval  # recall of pedestrians within this distance
     shares: Mapping[str, Interval]  # share of each goal's objects that is found, by column
     weighted: float  # weighted share of all objects that is found
     false_per_frame: Interval
@@ -47,7 +47,7 @@ class Standing:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What an option finds by the detectability."""
+    """The figures of an option that are predicted by the detectability."""
 
     standing: Standing
     areas: dict[str, Interval]  # share of the objects in each area of the request that is found
@@ -59,7 +59,7 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """What one unit sees of a class: the numbers of the objects, and their terms."""
+    """The objects of a class that one unit sees: their row numbers, and their terms."""
 
     object: IntArray
     terms: FloatArray
@@ -70,8 +70,8 @@ def detection_probabilities(
 ) -> Float32Array:
     """Returns the probability (pairs, objects) that each pair finds each object.
 
-    Boxes count from a score of CUT or, if the request limits false boxes, from the lowest score of
-    the pair that keeps them that rare.
+    The minimum score of a box is CUT or, if the request limits false boxes, the lowest score at
+    which the pair keeps this limit.
     """
     out = np.zeros((len(pairs), len(objects.table)), np.float32)
     pair, at = seen.pair.to_numpy(), seen.object.to_numpy()
@@ -101,7 +101,7 @@ def predict(
     request: Request,
     more: Mapping[str, BoolArray] = MappingProxyType({}),
 ) -> Prediction:
-    """Predicts an option of some pairs that stayed.
+    """Predicts an option. units: numbers of pairs that the race kept, as in `observed.seen`.
 
     more: further sets of objects by name, (objects,) bool, whose share is predicted as well.
     """
@@ -152,7 +152,7 @@ def _seen(observed: Observed, units: Sequence[int], counted: BoolArray) -> list[
 
 
 def _either(seen: Sequence[_Seen], law: Law, cut: float, objects: int) -> FloatArray:
-    """Returns the probability (objects, 1 + replicates) that one of the units finds the object."""
+    """Returns the probability (objects, 1 + replicates) that any of the units finds the object."""
     missed = np.ones((objects, len(law.detection)))
     for one in seen:
         missed[one.object] *= 1 - detection_probability(law.detection.T, one.terms, cut)
@@ -191,9 +191,9 @@ def _share(
 
 
 def moved_by_frame(found: AnyArray, frame: IntArray, frames: int, share: float) -> FloatArray:
-    """Returns how many objects each frame finds more than a share of its objects: (frames,).
+    """Returns the found objects of each frame minus `share` times its objects: (frames,).
 
-    With the frames as clusters, these give the variance of the share.
+    The variance of the share, with frames as clusters, is computed from these differences.
     found: (n,) 0 to 1, whether each object is found. frame: (n,) its frame, 0 to frames - 1.
     """
     sums, counts = np.bincount(frame, found, frames), np.bincount(frame, minlength=frames)
@@ -201,12 +201,12 @@ def moved_by_frame(found: AnyArray, frame: IntArray, frames: int, share: float) 
 
 
 def _limited(values: Sequence[float], most: float, variance: float) -> Interval:
-    """Returns the first value with an interval within 0 to `most`."""
+    """Returns the first value with its interval, which is clipped to 0 and `most`."""
     half = _half_width(values, variance)
     return clipped(Interval(values[0], values[0] - half, values[0] + half), 0, most)
 
 
 def _half_width(values: Sequence[float] | FloatArray, variance: float) -> float:
-    """Returns half the width of an interval. values: of the fit, then of its replicates."""
+    """Returns the half-width of an interval. values: of the fit, then of its replicates."""
     of_fit = float(np.var(values[1:], ddof=1)) if len(values) > 2 else 0.0
     return Z95 * float(np.sqrt(of_fit + variance))

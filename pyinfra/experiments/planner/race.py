@@ -1,9 +1,9 @@
 """Racing: a few frames for every pose and LiDAR, and many for those that may be the best.
 
 After each stage a pair of pose and LiDAR is left out if it is worse than the best pair of its
-LiDAR, by a one-sided interval of the paired difference per frame. Where an option may have several
-LiDARs, it stays too if, with its best partner, it may be as good as the best two. The best pair at
-each position that the user gave always stays.
+LiDAR, by a one-sided interval of the paired difference per frame. If an option may have several
+LiDARs, a pair also stays if the pair and its best partner may be as good as the best two pairs. The
+best pair at each position that the user gave always stays.
 """
 
 import numpy as np
@@ -66,7 +66,7 @@ def race(setting: Setting, possible: BoolArray) -> Observed:
 
 
 def stages(most: int) -> list[int]:
-    """Returns the numbers of frames after each stage, each twice the one before."""
+    """Returns the total number of frames after each stage. It doubles from stage to stage."""
     ends = [min(FIRST_FRAMES, most)]
     while ends[-1] < most:
         ends.append(min(2 * ends[-1], most))
@@ -88,7 +88,7 @@ def contenders(
     objects: Objects,
     request: Request,
 ) -> BoolArray:
-    """Returns which pairs may be the best alone for their LiDAR, or with a partner."""
+    """Returns which pairs may be the best pair of their LiDAR, or the best with a partner."""
     stay = np.zeros(len(pairs), bool)
     for lidar in np.unique(pairs.lidar[alive]):
         rows = np.flatnonzero(alive & (pairs.lidar == lidar).to_numpy())
@@ -103,7 +103,10 @@ def contenders(
 
 
 def partner_sums(probability: Float32Array, objects: Objects) -> FloatArray:
-    """Returns the weighted number of objects that each row finds with its best partner."""
+    """Returns the weighted number of objects that each pair and its best partner find per frame.
+
+    Shape (pairs, frames).
+    """
     missed = 1 - probability
     both = (missed * objects.weight.astype(np.float32)) @ missed.T
     return frame_sums(1 - missed * missed[both.argmin(1)], objects)
@@ -119,7 +122,7 @@ def is_worse(sums: FloatArray, best: FloatArray, confidence: float) -> BoolArray
 
 
 def best_given(given: IntArray, pairs: pd.DataFrame, alive: BoolArray) -> BoolArray:
-    """Returns which pairs are the best of those left at a position of the user.
+    """Returns which pairs are the best remaining pairs at the positions that the user gave.
 
     given: number of the position of each pair, -1 for poses that were made
     """
@@ -130,7 +133,10 @@ def best_given(given: IntArray, pairs: pd.DataFrame, alive: BoolArray) -> BoolAr
 
 
 def limit(stay: BoolArray, pairs: pd.DataFrame, first: int, frames: int) -> BoolArray:
-    """Returns `stay` with at most `first` pairs, and fewer the more frames each has."""
+    """Returns `stay` with a limited number of pairs, which decreases with the number of frames.
+
+    first: limit after FIRST_FRAMES frames.
+    """
     most = max(int(first * FIRST_FRAMES / frames), LEAST_PER_LIDAR)
     if stay.sum() <= most:
         return stay

@@ -1,4 +1,4 @@
-"""What an engineer asks of a plan: requirements, areas, goals, and how much is computed."""
+"""The request of a plan: requirements, areas, goals, and how much is computed."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -82,7 +82,7 @@ class Request:
 
     @property
     def units(self) -> int:
-        """The most LiDARs of an option."""
+        """The maximum number of LiDARs of an option."""
         return self.poles * self.lidars_per_pole
 
     @property
@@ -91,13 +91,13 @@ class Request:
 
     @property
     def most_false(self) -> float:
-        """The most false boxes of a frame."""
+        """The maximum number of false boxes per frame."""
         return self.false_per_minute / self.frames_per_minute
 
 
 @dataclass(frozen=True)
 class Effort:
-    """What a plan computes after its search, and how."""
+    """What a plan computes after its search, and with which resources."""
 
     check_frames: int = 30  # frames in which the best options are simulated in full; 0 for none
     count: float | None = None  # share of passages that option 1 must count; None for no count
@@ -107,7 +107,7 @@ class Effort:
 
 
 def check_request(request: Request, effort: Effort, law: Detectability) -> None:
-    """Checks what ranges alone do not. Raises Error."""
+    """Raises Error for values that RANGES does not check."""
     find, count, people = request.find, effort.count, request.people
     share = f"; it is a share, not percent: {find / 100:g}" if 1 < find <= 100 else ""
     if not 0 <= find <= 1:
@@ -127,7 +127,7 @@ def check_request(request: Request, effort: Effort, law: Detectability) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """What is to be found: objects of a class within a distance, or the objects of an area."""
+    """The objects to be found: those of a class within a distance, or those of an area."""
 
     column: str  # column with the share of the goal
     what: str  # kind of objects: vehicles, pedestrians or the name of an area
@@ -141,7 +141,7 @@ def goals_of(
 ) -> tuple[Goal, ...]:
     """Returns the goals of a plan; the first one is that of the request.
 
-    A distance without a vehicle, or with the vehicles of another one, is left out.
+    A distance is left out if no vehicle is within it, or the same vehicles as within another one.
     """
     goals: list[Goal] = []
     numbers = {0}
@@ -183,7 +183,7 @@ def with_objects(
 
 
 def masks_of(goals: Sequence[Goal]) -> dict[str, BoolArray]:
-    """Returns which objects each goal includes, by its column."""
+    """Returns which objects each goal includes, by the column of the goal."""
     return {one.column: one.counted for one in goals}
 
 
@@ -195,7 +195,8 @@ def read_areas(file: Path) -> tuple[Area, ...]:
     """Reads areas from a CSV file.
 
     Columns: name, x_m, y_m, radius_m; optional weight (default 1) and class (vehicle, person or
-    any, the default). Areas of one name are one area. Raises FormatError with file, line, column.
+    any, the default). Areas with the same name form one area. Raises FormatError with file, line
+    and column.
     """
     table = read_csv(file, {"name", "class"}, AREA_COLUMNS)
     check_columns(file, table, [*AREA_COLUMNS, "class", "weight"])
@@ -219,7 +220,7 @@ def read_areas(file: Path) -> tuple[Area, ...]:
 
 
 def check_on_roads(areas: tuple[Area, ...], roads: Sequence[Road]) -> None:
-    """Raises Error for an area that is beside all roads of the evaluation region."""
+    """Raises Error for an area that overlaps no road or roadside of the evaluation region."""
     for area in areas:
         at = area.x_m, area.y_m
         away = min(float((np.hypot(*(road.xy - at).T) - road.half_width).min()) for road in roads)
@@ -233,7 +234,7 @@ def check_on_roads(areas: tuple[Area, ...], roads: Sequence[Road]) -> None:
 def crossings_of(folder: Path, weight: float) -> tuple[Area, ...]:
     """Returns the pedestrian crossings of an imported map as one area, for people.
 
-    The result is empty without map.yaml. Raises FormatError.
+    The result is empty if the folder has no map.yaml. Raises FormatError.
     """
     crossings = site_folder.features(folder).get("crossing", ())
     return tuple(
@@ -242,12 +243,12 @@ def crossings_of(folder: Path, weight: float) -> tuple[Area, ...]:
 
 
 def of_name(areas: tuple[Area, ...], name: str, objects: pd.DataFrame) -> BoolArray:
-    """Returns which objects the areas of a name include: (n,)."""
+    """Returns which objects the areas with this name include: (n,)."""
     return np.asarray(np.any([one.holds(objects) for one in areas if one.name == name], axis=0))
 
 
 def can_be_found(objects: pd.DataFrame, law: Detectability) -> BoolArray:
-    """Returns of which objects the detector finds the class: (n,)."""
+    """Returns which objects are of a class that the detector detects: (n,)."""
     return np.asarray(~objects.person.to_numpy(bool) | (law.people is not None))
 
 
@@ -256,7 +257,7 @@ def weighted(
 ) -> FloatArray:
     """Returns the weights of objects (n,): 1 for a vehicle that is near, `people` for a pedestrian.
 
-    In an area it is the largest weight of the areas there.
+    The weight of an object in areas is the largest weight of these areas.
     """
     out = np.asarray(np.where(objects.person, people, 1.0) * near)
     inside = np.zeros(len(out), bool)

@@ -1,8 +1,8 @@
-"""How the choice of a plan changes with prices, and what it finds when something else changes.
+"""How the choice of a plan changes with prices, and what it finds under other conditions.
 
-Prices and failures are computed from the shares that decide. With `what_if`, the first option is
-simulated again in the same frames with a changed mast, traffic, weather or sensor, and the
-differences are paired.
+The effects of prices and failures are computed from the shares by which options are chosen. With
+`what_if`, the first option is simulated again in the same frames with a changed mast, traffic,
+weather or sensor, and the differences are paired.
 """
 
 import math
@@ -58,10 +58,10 @@ PRICES: dict[str, tuple[bool, tuple[str, ...]]] = {
 
 @dataclass(frozen=True)
 class Move:
-    """The choice with other prices; None if no option is within the budget then."""
+    """The choice after a change of prices; None if no option is then within the budget."""
 
     prices: str  # group of changed prices, a key of PRICES
-    percent: int
+    percent: int  # change of these prices
     choice: Choice | None
 
 
@@ -129,7 +129,7 @@ def standing_lorry(site: PlanSite, mast: FloatArray) -> Case:
 
 
 def moves_of(compared: Compared, request: Request) -> list[Move]:
-    """Returns the choice among the options with other prices."""
+    """Returns the choice among the options for each change of prices."""
     moves = []
     for prices, percent in product(PRICES, PERCENT):
         changed = with_prices(compared.units, prices, 1 + percent / 100)
@@ -152,7 +152,7 @@ def with_prices(units: Units, prices: str, factor: float) -> Units:
 
 
 def losses(first: Choice, units: Units) -> dict[str, set[int]]:
-    """Returns the units that are lost in each case: each LiDAR, and each pole of several."""
+    """Returns the units that are lost in each case: one LiDAR, or a pole with several LiDARs."""
     cases = {f"LiDAR {k} lost": {u} for k, u in enumerate(first.units, start=1)}
     for k, pole in enumerate(units.poles(first.units), start=1):
         lost = {u for u in first.units if int(units.place[u]) == pole}
@@ -180,7 +180,7 @@ Row = dict[str, object]
 
 
 def sensitivity_table(rows: Sequence[Row]) -> pd.DataFrame:
-    """Returns the rows as a table. A case that comes again replaces the earlier one."""
+    """Returns the rows as a table. Of rows with the same case, it has only the last."""
     table = pd.DataFrame(rows, columns=COLUMNS)
     return table.drop_duplicates("case", keep="last", ignore_index=True)
 
@@ -190,8 +190,8 @@ def computed_rows(
 ) -> Iterator[Row]:
     """Yields a row for each case: other prices, the loss of LiDARs and poles, and rain.
 
-    `chosen` is yes for the option that is chosen in a case. Recall in percent of the vehicles
-    within the distance of the request; of a loss, the predicted share.
+    `chosen` is yes if an option is chosen in a case. Recall is in percent of the vehicles within
+    the distance of the request. For a loss it is the predicted share.
     """
     first = compared.first
     now = compared.standings[first.units]
@@ -218,7 +218,7 @@ def simulated_rows(
 
     A case that the simulator refuses has no row, and a warning names it.
 
-    found: what each option that was simulated finds.
+    found: result of each simulated option, by units.
     """
     first = compared.first
     before = found.get(first.units) or simulate(first, compared, setting)
@@ -246,7 +246,7 @@ def simulated_rows(
 
 
 def away_from(found: Found, at: tuple[float, float] | None) -> Found:
-    """Returns the found objects without those within LORRY_M of a place."""
+    """Returns the result of a simulation without the objects within LORRY_M of a position."""
     if at is None:
         return found
     away = np.hypot(found.objects.x - at[0], found.objects.y - at[1])

@@ -1,8 +1,9 @@
 """Simulates options of a plan in full: what a detector finds, and which passages its tracks count.
 
 The frames are of traffic that neither the choice nor the predictions have used: of three further
-traffic seeds or, for recorded traffic, of its last third. Several LiDARs are fused. Every pose has
-the evaluation region of the site's mount, so that the same objects are included for all options.
+traffic seeds or, for recorded traffic, of the last third of the recording. The points of several
+LiDARs are fused. Every pose has the evaluation region of the site's mount, so that the same objects
+are included for all options.
 
 A share of vehicles that are found in a frame says little about counts: a vehicle that is missed in
 some frames is counted if its track continues. For counts, an option is simulated without gaps.
@@ -36,7 +37,7 @@ from pyinfra.tracking.lines import lines_of
 from pyinfra.tracking.tracks import track
 
 FRAMES = 30
-SEEDS = 3  # number of traffic seeds
+SEEDS = 3  # number of traffic seeds of a simulation
 VEHICLES = Settings(ground_truths=("present",))
 PEOPLE = Settings(
     classes={"pedestrian": ("Pedestrian",)}, ground_truths=("present",), metrics=("centre",)
@@ -55,9 +56,9 @@ class Found:
 
     objects: pd.DataFrame  # columns frame, person, x, y (world), found, away (box error, m)
     frames: int
-    false: FloatArray  # (frames,) false boxes of each frame
+    false: FloatArray  # (frames,) number of false boxes in each frame
     ap: Interval
-    position_m: float
+    position_m: float  # 95th percentile of the position error of found vehicles
 
 
 def traffic_of(site: PlanSite, frames: int) -> list[tuple[int, tuple[int, ...]]]:
@@ -80,7 +81,7 @@ def simulate_option(
     scene: Mapping[str, object] | None = None,
     yaw_error_deg: float = 0.0,
 ) -> Found:
-    """Simulates an option, and returns what boxes of a score of `cut` or above find.
+    """Simulates an option, and returns the objects that boxes with scores of at least `cut` find.
 
     traffic: seeds and the frames of each; by default those of `traffic_of`. scene: overrides of
     keys of the scene. yaw_error_deg: error of the assumed yaw of each LiDAR; several LiDARs are
@@ -114,7 +115,7 @@ def simulate_option(
 
 
 def _objects(result: Evaluation, cut: float) -> pd.DataFrame:
-    """Returns the objects of the shares: frame, person, x, y (world frame), found, away."""
+    """Returns the rows of `Found.objects` for one evaluation; `frame` is the frame number."""
     vehicles, numbers = result.truth.vehicles, np.array(result.truth.frames)
     xy = vehicles.boxes[:, :2]
     truth = pd.DataFrame(
@@ -139,9 +140,9 @@ def _objects(result: Evaluation, cut: float) -> pd.DataFrame:
 
 
 def _mean_ap(rows: Sequence[pd.Series]) -> Interval:
-    """Returns the mean AP of the seeds with Student's t interval over them.
+    """Returns the mean AP of the seeds with Student's t interval over the seeds.
 
-    If only one seed has an AP, the interval is that of its time blocks.
+    If only one seed has an AP, the half-width is that of the bootstrap interval of this seed.
     """
     known = [row for row in rows if math.isfinite(row.ap_r1000)]
     ap = over_replicates([float(row.ap_r1000) for row in known])
@@ -153,7 +154,7 @@ def _mean_ap(rows: Sequence[pd.Series]) -> Interval:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What a detector found in the frames of an option."""
+    """The evaluations of a detector in the frames of an option."""
 
     vehicles: Evaluation
     people: Evaluation | None  # None if the frames have no pedestrians
@@ -216,7 +217,7 @@ def detector_for(frames: SimulatedFrames, detector: str) -> TrainedDetector | Ba
 
 @dataclass(frozen=True)
 class Counting:
-    """Passages of an option that were counted, and how exact its speeds are."""
+    """Passages that the tracks of an option counted, and the error of their speeds."""
 
     seconds: float
     passages: int  # true passages over all lines
@@ -239,8 +240,8 @@ class Counting:
 def count_option(site: PlanSite, parts: Parts, detector: str, seconds: float = SECONDS) -> Counting:
     """Simulates an option without gaps and counts its vehicles over the lines of the site's roads.
 
-    The traffic is that of a seed that neither the choice nor the predictions have used or, for
-    recorded traffic, its last part.
+    Simulated traffic has a seed that neither the choice nor the predictions have used. Of recorded
+    traffic, the last part is used.
     """
     frames = max(2, min(round(seconds / site.period_s), site.every_frame))
     first = site.every_frame - frames if site.recorded else 0

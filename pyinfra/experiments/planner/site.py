@@ -32,7 +32,7 @@ GOLDEN = (math.sqrt(5) - 1) / 2
 
 @dataclass(eq=False)
 class SiteObserver:
-    """The observer of a site, which is built when it is first used, also of a copy."""
+    """The observer of a site. It is built when it, or a pickled copy of it, is first used."""
 
     build: Callable[[], simulation.Observer]
 
@@ -87,7 +87,10 @@ class PlanSite:
         return np.asarray(np.hypot(objects.x - x, objects.y - y) <= within_m)
 
     def other_frames(self, count: int) -> tuple[int, ...]:
-        """Returns frames for what follows the choice; of recorded traffic, later ones."""
+        """Returns the numbers of the frames for predictions and simulations.
+
+        For recorded traffic, these frames are later than those of the choice.
+        """
         first = choice_end(self.keys, self.every_frame) % self.every_frame
         return tuple(first + k for k in frame_order(self.every_frame - first, count))
 
@@ -105,7 +108,7 @@ def open_site(
     """Opens a scene, or the scene of a site folder. `period_s` is the LiDARs' frame period.
 
     further_seeds: number of traffic seeds after that of `seed` with which the scene is checked.
-    Raises Error without traffic in the region, and for positions in longitude and latitude.
+    Raises Error if the region has no traffic, and for positions in longitude and latitude.
     """
     if centre_m is not None and not np.isfinite(centre_m).all():
         raise Error(f"centre_m: expected x and y in metres, got {centre_m}")
@@ -175,7 +178,7 @@ def other_traffic(
 
 
 def choice_end(keys: dict[str, Any], count: int) -> int:
-    """Returns the frame before which the choice takes its frames: the end, or two thirds of it."""
+    """Returns the end of the frames of the choice: all frames, or two thirds of recorded frames."""
     return 2 * count // 3 if keys.get("trajectories") and count >= LEAST_TO_SPLIT else count
 
 
@@ -214,7 +217,8 @@ def frame_order(count: int, wanted: int) -> tuple[int, ...]:
 def present_objects(observer: simulation.Observer, frames: Sequence[int]) -> pd.DataFrame:
     """Returns every vehicle and pedestrian in the region, ordered as `frames`, then by id.
 
-    World frame. Cyclists are left out, because their recall is too low to be predicted.
+    Positions are in the world frame. Cyclists are left out, because their recall is too low to be
+    predicted.
     """
     rows = observer.present(list(frames))
     table = pd.DataFrame({name: rows[name] for name in ("frame", "id", "x", "y", "speed")})
@@ -225,9 +229,10 @@ def present_objects(observer: simulation.Observer, frames: Sequence[int]) -> pd.
 
 
 def middle_of(keys: dict[str, Any], roads: tuple[Road, ...], net: Path) -> FloatArray:
-    """Returns the middle of the first junction, or the region's road point next to the mount.
+    """Returns the middle of the first junction of a scene, x and y in the world frame.
 
-    Of an imported map, the junction is that with most connections near the first mount.
+    For an imported map, the junction within NEAR_M of the first mount with the most connections is
+    used. Without a junction, the result is the road point nearest to the mount.
     """
     mount = next(iter(keys["mounts"].values()))
     foot = np.array([mount["x_m"], mount["y_m"]])

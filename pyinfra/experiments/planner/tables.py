@@ -28,8 +28,8 @@ REQUEST_FILE = "plan.yaml"
 def keep_request(folder: Path, setting: Setting, poses: pd.DataFrame) -> None:
     """Writes everything on which the tables of a plan depend to its folder.
 
-    poses: all, with their faults. Raises Error if the folder has the tables of another request. An
-    unfinished plan is replaced.
+    poses: all poses, with their faults. Raises Error if the folder has the tables of another
+    request. The record of an unfinished plan is replaced.
     """
     asked, file = _described(setting, poses), folder / REQUEST_FILE
     if folder.exists() and not folder.is_dir():
@@ -55,7 +55,7 @@ def keep_request(folder: Path, setting: Setting, poses: pd.DataFrame) -> None:
 
 
 def _described(setting: Setting, poses: pd.DataFrame) -> dict[str, str]:
-    """Returns the request as text. Keys are those of `plan`."""
+    """Returns the request as text, by the names of the arguments of `plan`."""
     site, asked = setting.site, dataclasses.asdict(setting.request)
     areas, period_s = asked.pop("areas"), asked.pop("period_s")
     lidars = [
@@ -90,8 +90,8 @@ def write_tables(folder: Path, **tables: pd.DataFrame) -> None:
 def option_table(compared: Compared, setting: Setting, in_rain: Sequence[Interval]) -> pd.DataFrame:
     """Returns a row for each unit of each option; the columns of the option are repeated.
 
-    Shares are in percent. `share` decides, and is that of `recall_simulated` where it exists and
-    that of `recall` elsewhere. in_rain: shares of the first options in rain.
+    Shares are in percent. Options are chosen by `share`. It is `recall_simulated` if the option was
+    simulated, else `recall`. in_rain: shares of the first options in rain.
     """
     rows, units, stayed = [], compared.units, compared.unseen.stayed
     for number, (choice, standing) in enumerate(compared.stands, start=1):
@@ -128,7 +128,7 @@ def option_table(compared: Compared, setting: Setting, in_rain: Sequence[Interva
 
 
 def _figures(before: Prediction, now: Standing, request: Request) -> dict[str, object]:
-    """Returns the columns of what an option finds: what decides, predicted and simulated."""
+    """Returns the figures of an option as columns: verdict, predicted and simulated figures."""
     done = now.source == SIMULATED
     law = before.standing
     shares = {

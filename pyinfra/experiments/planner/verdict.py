@@ -47,7 +47,7 @@ class Compared:
 
 
 def conditions(one: Standing, request: Request) -> dict[Condition, Verdict]:
-    """Returns whether an option meets each condition of the request, by the whole interval."""
+    """Returns whether the whole interval of each figure of an option meets the request."""
     share, false, most = one.recall, one.false_per_frame, request.most_false
     misses, exceeds = share.high < request.find, false.low > most
     is_found, is_rare = share.low >= request.find, false.high <= most
@@ -88,10 +88,10 @@ def frames_needed(one: Standing, request: Request, frames: int) -> dict[Conditio
 def in_order(options: Sequence[Choice], standings: Standings, request: Request) -> list[Choice]:
     """Returns the options, the chosen one first.
 
-    Options that meet the request come first, then those that may meet it and whose own values do;
-    both from the cheapest, and by the weighted share at one price. The others follow from the
-    largest weighted share. An option that was simulated does not come before a simulated one that
-    is cheaper and finds as much.
+    Options that meet the request come first. Options with the verdict "not known" whose values meet
+    the request follow. Both groups are ordered by price, then by weighted share. All others are
+    ordered by weighted share, largest first. An option that was simulated does not come before a
+    simulated option that is cheaper and finds as much.
     """
 
     def key(choice: Choice) -> tuple[float, float, float]:
@@ -115,7 +115,7 @@ def in_order(options: Sequence[Choice], standings: Standings, request: Request) 
 
 
 def _beats(one: Choice, other: Choice, standings: Standings) -> bool:
-    """Returns whether an option is cheaper and finds no less; both must be simulated."""
+    """Returns whether `one` is cheaper than `other` and no worse; both must be simulated."""
     a, b = standings[one.units], standings[other.units]
     return (
         a.source == b.source == SIMULATED

@@ -1,4 +1,4 @@
-"""Changes of scene and LiDAR.
+"""Changes of the scene and of the LiDAR of a simulation.
 
 The test frames are simulated again with changed keys. The new frames are stored in a cache.
 """
@@ -34,7 +34,7 @@ SCENE = "scene.yaml"
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """The undisturbed test frames of one LiDAR."""
+    """The test frames of one LiDAR, without stress."""
 
     folder: Path
     lidar: kitti.Lidar
@@ -95,10 +95,10 @@ class AlteredScene:
 def read_base(folder: Path, most: int) -> Base:
     """Returns at most `most` test frames of a LiDAR's folder, evenly spread.
 
-    Without val.txt, the test frames are those of the split by time, because trainings then use the
-    other part. If frames are too few for this split, all of them are used.
+    Without val.txt, the test frames are the validation frames of the split by time, because
+    trainings then use the other frames. If frames are too few for this split, all of them are used.
 
-    Raises FileNotFoundError, FormatError, and Error for another kind of folder.
+    Raises FileNotFoundError, FormatError, and Error if the folder is not a LiDAR's folder.
     """
     folder = lidar_folder(folder)
     frames: Sequence[int] = frame_numbers(folder)
@@ -162,7 +162,7 @@ def late_clocks(mounts: Mapping[str, Mapping[str, Any]], ms: float) -> tuple[str
 
 
 def wrong_turns(mounts: Mapping[str, Mapping[str, Any]], degrees: float) -> tuple[str, ...]:
-    """Returns KEY=VALUE words with errors of the assumed yaw of all mounts except the first.
+    """Returns KEY=VALUE words that add errors to the assumed yaw of all mounts except the first.
 
     The errors are alternately to the left and to the right.
     """
@@ -199,7 +199,7 @@ def other_preset(base: Base, name: float | str) -> AlteredScene:
 def check(base: Base, altered: AlteredScene) -> None:
     """Checks all inputs of a changed simulation without casting rays.
 
-    Raises Error if the scene is too short for the test frames, and SimulatorError.
+    Raises Error if the scene is too short for the test frames, and the SimulatorError of the check.
     """
     with tempfile.TemporaryDirectory() as folder:
         scene, lidar_yaml = _written(_texts(base, altered), altered, Path(folder))

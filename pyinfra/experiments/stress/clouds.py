@@ -14,8 +14,8 @@ from pyinfra.dataset.world_frame import rotation
 from pyinfra.models.training.sensor_faults import Rng, ranges_of, scaled
 
 DROPS_SHARE = 0.1  # share of lost points that are replaced by a return from a drop (assumed)
-DROPS_FROM_M = 1.0
-DROPS_INTENSITY = 0.05
+DROPS_FROM_M = 1.0  # minimum range of returns from drops
+DROPS_INTENSITY = 0.05  # intensity of returns from drops
 
 
 def rain(points: Points, mm_per_h: float, replicates: Rng) -> Points:
@@ -27,7 +27,7 @@ def fog(points: Points, extinction_per_km: float, replicates: Rng) -> Points:
 
 
 def blocked_sector(points: Points, width_deg: float, _: Rng) -> Points:
-    """Removes points in a sector of azimuth of this width, centred on the x axis."""
+    """Removes the points in a sector of azimuth that is `width_deg` wide, centred on the x axis."""
     azimuth_deg = np.degrees(np.arctan2(points[:, 1], points[:, 0]))
     return points[np.abs(azimuth_deg) >= width_deg / 2]
 
@@ -38,7 +38,7 @@ def height_error(points: Points, height_m: float, _: Rng) -> Points:
 
 
 def angle_error(points: Points, degrees: float, _: Rng, axis: str) -> Points:
-    """Returns points for an unknown angle of the sensor.
+    """Returns points as if the sensor were rotated by an angle that the user does not know.
 
     axis: `roll` to the right (objects on the left appear lower), `pitch` downwards (objects ahead
     appear higher) or `yaw` to the left (objects ahead appear further right).

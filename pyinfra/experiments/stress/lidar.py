@@ -56,8 +56,8 @@ def table_files(config: Keys, folder: Path) -> list[Path]:
 def text(file: Path, turns_deg: Sequence[float] = ()) -> str:
     """Returns the text of a LiDAR file for the simulator, with all units as one bundle.
 
-    file: of a LiDAR that was simulated. turns_deg: angles by which the cut angles of the units are
-    turned. The angles repeat if there are more units than angles.
+    file: lidar.yaml of a simulated LiDAR. turns_deg: angles by which the cut angles of the units
+    are turned. The angles repeat if there are more units than angles.
     """
     config = read(file)
     units = units_of(config)
@@ -71,7 +71,7 @@ def text(file: Path, turns_deg: Sequence[float] = ()) -> str:
 
 
 def difference(config: Keys, shipped: Keys) -> str:
-    """Returns the first key that gives two LiDARs different rays or returns; empty if none."""
+    """Returns the first key by which rays or returns of two LiDARs differ; empty if none does."""
     ours, other = units_of(config), units_of(shipped)
     if config["name"] != shipped["name"]:
         return "name"

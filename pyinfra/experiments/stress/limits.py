@@ -20,8 +20,8 @@ ONLY_CLOUDS = "expected stressors that only change clouds"
 def scene(base: Base) -> str:
     """Requires a simulated scene whose files, including recorded trajectories, are available.
 
-    The frames must have the number of the simulator. Otherwise a difference would also be that
-    between two versions of the simulator.
+    The frames_version of the frames must be that of the simulator. Otherwise results would also
+    differ because of the two versions of the simulator.
     """
     folder, file = base.folder.parent, base.trajectories
     described, number = folder / "dataset.yaml", number_at(base.folder) or "none"

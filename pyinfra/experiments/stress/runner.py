@@ -29,7 +29,8 @@ Model = TrainedDetector | str | os.PathLike[str]
 class Prepared:
     """The trials of a stress test.
 
-    `every` has all trials, and `todo` the trials to run. Trials in `wrong` cannot be simulated.
+    `every` has all trials, `todo` the trials to run, and `wrong` the trials that cannot be
+    simulated, with their errors.
     """
 
     base: Base
@@ -131,7 +132,7 @@ def prepare(
     frames: int,
     seed: int,
 ) -> Prepared:
-    """Returns the trials to run, without simulating frames. Raises Error, OSError."""
+    """Returns all trials and the trials to run. Simulates no frames. Raises Error and OSError."""
     if frames < 1:
         raise Error(f"frames: expected 1 or more, got {frames}")
     with_severities = chosen(list(stressors), None if severities is None else list(severities))
@@ -146,7 +147,7 @@ def prepare(
 
 
 def _folder(model: Model) -> Path:
-    """Returns the folder of a model's training, else the model's file."""
+    """Returns the folder in which a model was trained, or the model's file if there is none."""
     if not isinstance(model, TrainedDetector):
         return path_of(model, "models")
     of_training = model.file.name in ("last.safetensors", "background.npz")

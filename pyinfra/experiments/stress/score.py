@@ -89,7 +89,7 @@ def as_predictions(detections: Sequence[Detections]) -> Predictions:
 
 
 def forgiven(match_result: MatchResult) -> dict[str, float]:
-    """Returns for each of ERRORS the gain in AP (R1000) from correcting errors of this kind.
+    """Returns the gain in AP (R1000) from correcting all errors of a kind, for each kind in ERRORS.
 
     - background: false positives without a partner (see `partners`) are removed
     - misses_*: missed vehicles in a band of distance do not count

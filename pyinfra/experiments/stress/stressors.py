@@ -20,7 +20,8 @@ Severity = float | str
 UNSTRESSED = "own"  # severity without stress, for stressors whose severities are names
 CloudChange = Callable[[Points, float, sensor_faults.Rng], Points]
 SceneChange = Callable[[Base, Severity], AlteredScene]
-Need = Callable[[Base], str]  # returns why the base frames do not suffice, or an empty text
+# A requirement of a stressor: returns why the base does not meet it, or an empty text.
+Need = Callable[[Base], str]
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class Stressor:
         return next((why for need in self.needs if (why := need(base))), "")
 
     def apply(self, points: Points, severity: float, seed: int, frame: int) -> Points:
-        """Returns a cloud (n, 4) changed with a severity, or `points` itself for no stress."""
+        """Returns the cloud (n, 4) changed by a severity, or `points` itself for no stress."""
         assert self.cloud is not None
         if severity == self.severities[0]:
             return points
@@ -64,7 +65,7 @@ class Stressor:
     def parse(self, words: list[str]) -> tuple[Severity, ...]:
         """Parses severities, and leaves out the severity without stress.
 
-        Raises Error, also for less than the severity without stress.
+        Raises Error for an invalid severity, also for one below the severity without stress.
         """
         if self.named:
             unknown = [word for word in words if word not in self.severities]

@@ -29,7 +29,7 @@ def curves(table: pd.DataFrame) -> Iterator[tuple[dict[str, str], Stressor, pd.D
     """Yields the key, the stressor and the rows of each curve, ordered by severity.
 
     The first row of a curve is the row without stress. Column `at` is the severity, or the index of
-    a severity that is a name. Severities below that of the first row are left out, such as a
+    a severity that is a name. Rows with less stress than the first row are left out, such as a
     training with more frames. Curves that have no AP without stress, or no other row, are left out.
     """
     for key, rows in table.groupby(CURVE, sort=False):
@@ -65,7 +65,7 @@ def _ordered(curve: pd.DataFrame, stressor: Stressor) -> pd.DataFrame:
 
 
 def crossing(at: FloatArray, ap: FloatArray, level: float) -> float:
-    """Returns the severity at which AP first falls to a level, interpolated linearly.
+    """Returns the severity at which AP first falls to `level`, interpolated linearly.
 
     The result is inf if AP stays above the level.
     """
@@ -114,7 +114,7 @@ def first_failure(curve: pd.DataFrame) -> tuple[str, str, float]:
 
 
 def gentleness(curve: pd.DataFrame, stressor: Stressor) -> float:
-    """Returns the mean ratio of AP to AP without stress.
+    """Returns the gentleness: the mean ratio of AP to the AP without stress.
 
     The mean is over the severities, scaled to 0 to 1. It is NaN if AP without stress is 0, or if an
     AP is undefined.

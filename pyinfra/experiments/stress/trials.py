@@ -41,7 +41,7 @@ SCENE_S = 4.0  # assumed time of one simulation, used to estimate the run time
 
 @dataclass(frozen=True)
 class TrainedRun:
-    """A trained detector with the number of training frames and the seed, -1 if unknown."""
+    """A trained detector. The number of training frames and the seed are -1 if unknown."""
 
     folder: Path
     detector: str
@@ -104,7 +104,7 @@ def plan(
 
     Stress is applied to the first run of each detector. Its other runs are severities of the
     stressors `training_frames` and `training_seed`. Raises Error for a run that differs from the
-    first in both frames and seed, or in neither, and for two runs of the same frames or seed.
+    first in both frames and seed, or in neither, and for two runs with the same severity.
     """
     first: dict[str, TrainedRun] = {}
     for run in runs:
@@ -135,7 +135,7 @@ def plan(
 
 
 def _difference(a: TrainedRun, b: TrainedRun) -> tuple[str, Severity]:
-    """Returns the stressor of training, and the severity, by which run b differs from run a."""
+    """Returns how run b differs from run a: `training_frames` or `training_seed`, and its value."""
     if (a.frames == b.frames) == (a.seed == b.seed):
         raise Error(
             f"{b.folder}: expected either the {a.frames} frames or the seed {a.seed} of "
@@ -203,7 +203,7 @@ def row_of(
 def read(file: Path) -> pd.DataFrame:
     """Reads a table of trials, with its keys as text. The table is empty if there is no file.
 
-    Raises Error for another kind of table.
+    Raises Error if the file is not a table of trials.
     """
     if not file.is_file():
         return pd.DataFrame(columns=list(COLUMNS))
@@ -233,7 +233,7 @@ def fill(trial: Trial, base: Base, out: Path, seed: int) -> bool:
 
 
 def attempt(trial: Trial, base: Base, out: Path, seed: int) -> Exception | None:
-    """Calls `fill` for a trial. Returns an error and saves its traceback in out/tracebacks.
+    """Calls `fill` for a trial. If it fails, returns the error and saves its traceback in `out`.
 
     The error of a trial without stress is raised, because all other trials are compared with this
     trial.
@@ -302,7 +302,7 @@ def able(
 def wrong_scenes(trials: Iterable[Trial], base: Base) -> dict[tuple[str, Severity], Exception]:
     """Checks the changed simulations of trials without running them.
 
-    Returns the errors, by Trial.at.
+    Returns the errors by the stressor and severity of the trial (`Trial.at`).
     """
     wrong: dict[tuple[str, Severity], Exception] = {}
     for trial in {trial.at: trial for trial in trials if trial.stressor.scene_change}.values():

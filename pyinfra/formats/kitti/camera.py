@@ -114,8 +114,8 @@ def read_calibration(file: Path) -> Calibration:
     off = np.abs(rotation @ rotation.T - np.eye(3)).max()
     if off > _NOT_A_ROTATION or np.linalg.det(rotation) < 0:
         raise FormatError(
-            f"{file}: R0_rect, Tr_velo_to_cam: expected rotation matrices, got the product "
-            f"{rotation.round(3).tolist()}"
+            f"{file}: R0_rect, Tr_velo_to_cam: expected rotation matrices, got matrices with "
+            f"the product {rotation.round(3).tolist()}"
         )
     return out
 

@@ -43,7 +43,7 @@ def _position(columns: str) -> ColumnRule:
 
 
 def _sides(columns: str) -> ColumnRule:
-    allowed = f"more than {_SHORTEST_M:g} to {_LONGEST_M:g}"
+    allowed = f"more than {_SHORTEST_M:g}, at most {_LONGEST_M:g}"
     return ColumnRule(
         tuple(columns.split()), lambda v: (v > _SHORTEST_M) & (v <= _LONGEST_M), allowed
     )
@@ -84,8 +84,8 @@ MOST_PREDICTIONS = 1000  # maximum number of predictions in a frame; nuScenes ev
 
 
 def result_rules(sizes: Sequence[str], others: Sequence[str]) -> tuple[ColumnRule, ...]:
-    """Returns the rules of predictions, for the columns of sizes, and of position and heading."""
-    allowed = f"more than 0 to {LARGEST:g}"
+    """Returns rules for predictions. others: the columns of position and heading."""
+    allowed = f"more than 0, at most {LARGEST:g}"
     return (
         ColumnRule(tuple(sizes), lambda v: (v > 0) & (v <= LARGEST), allowed),
         between(others, -LARGEST, LARGEST),
@@ -116,8 +116,8 @@ def read_fields(file: Path, count: int | None = None) -> Records:
     `time_s` counts from the start of the frame. `ring` is 0 at the lowest elevation. `class` is the
     class of the object, or the material of the background. `echo` is 1 for the second point of a
     ray. `object_id` is -1 for background.
-    count: number of points; None does not compare it with that of the records. Raises FormatError
-    if the file is truncated, or has another number of records.
+    count: number of points; if None, the number of records is not checked. Raises FormatError if
+    the file is truncated, or has another number of records.
     """
     fields = _records(file, FIELDS, "time_s ring class echo object_id")
     if count is not None and len(fields) != count:

@@ -181,7 +181,7 @@ class Background:
     def save(self, file: Path, frames_version: str = "") -> None:
         """Writes the arrays as a .npz file of NumPy.
 
-        frames_version: that of the frames of the model; empty if they were recorded.
+        frames_version: that of the training frames; empty if the frames were recorded.
         """
         with replacing(file) as beside, beside.open("wb") as stream:
             np.savez_compressed(
@@ -197,7 +197,7 @@ class Background:
 
     @classmethod
     def load(cls, file: Path) -> Background:
-        """Reads a file that `save` wrote. Raises Error with the file's name for other files."""
+        """Reads a file that `save` wrote. Raises Error, which names the file, if it is none."""
         try:
             with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
                 contents = [data[f.name] for f in fields(cls)]
@@ -319,7 +319,7 @@ def _numbers(settings: Config) -> FloatArray:
 def _settings(values: FloatArray) -> Config:
     most = len(fields(Config))
     if values.shape not in ((most,), (most - 1,)):
-        raise Error(f"settings: expected {most - 1} or {most} numbers, got {values.shape}")
+        raise Error(f"settings: expected {most - 1} or {most} numbers, got shape {values.shape}")
     pairs = zip(fields(Config), values, strict=False)
     return Config(**{f.name: type(getattr(DEFAULT, f.name))(value) for f, value in pairs})
 
@@ -399,7 +399,7 @@ def _filled(z: Floats, real: BoolArray, plane: Floats, s: Config) -> Floats:
 
 
 def _plane(lowest: Floats, share: Floats, s: Config) -> Floats:
-    """Returns z of a robust plane through the lowest returns of cells: (n, n).
+    """Returns z of a plane, fitted robustly to the lowest returns of cells: (n, n).
 
     share: (n, n) share of the frames with a return in a cell, used as the weight of the cell.
     Returns above the plane, such as returns from vehicles, have less weight.

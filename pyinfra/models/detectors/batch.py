@@ -99,7 +99,7 @@ def _rejoined(
     windows: Windows | None,
     balance: float,
 ) -> Batch:
-    """Returns a batch from the boxes and classes of all frames, and their number in each frame."""
+    """Returns a batch. boxes, classes: those of all frames. sizes: their number in each frame."""
     of_frames = boxes.split_with_sizes(sizes), classes.split_with_sizes(class_sizes)
     return Batch(points, counts, of_frames[0], windows, of_frames[1], balance)
 

@@ -24,7 +24,7 @@ from pyinfra.models.detectors.windows import view_of
 
 
 class CenterPointPillar(Network):
-    """Pillars, a two-dimensional network and a heat map of centres."""
+    """The network CenterPoint: pillars, a two-dimensional network and a centre head."""
 
     learns_in_windows = True
     balances_frames = True

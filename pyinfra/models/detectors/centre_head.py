@@ -229,7 +229,7 @@ class AxisHead(CentreHead):
         self.register_buffer("road_axes", None, persistent=False)
 
     def know(self, region: Region, shape: tuple[int, int]) -> None:
-        """Stores the axis of the region's road in each cell (H, W); stores None without roads."""
+        """Stores the axis of the region's road in each cell (H, W), or None without roads."""
         self.road_axes = None
         if region.axes is None:
             return

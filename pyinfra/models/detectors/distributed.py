@@ -48,7 +48,9 @@ def joined(device: torch.device) -> Iterator[torch.device]:
 def check_batch(size: int) -> None:
     """Raises Error if a batch of this size cannot be divided equally among the processes."""
     if size % count() != 0:
-        raise Error(f"learning.batch: expected a multiple of the {count()} processes, got {size}")
+        raise Error(
+            f"learning.batch: expected a multiple of {count()}, the number of processes, got {size}"
+        )
 
 
 def rank() -> int:

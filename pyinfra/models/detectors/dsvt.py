@@ -121,7 +121,7 @@ class SetAttention(nn.Module):
         return attended
 
     def in_triton(self, projected: Tensor, sets: Sets) -> bool:
-        """Returns whether a Triton kernel computes the attention, which does not gather voxels."""
+        """Returns whether a Triton kernel computes the attention; it needs no gathered array."""
         head = projected.shape[1] // 3 // self.heads
         small = sets.voxel.shape[1] <= LARGEST_SET and head <= LARGEST_HEAD
         return small and usable(projected) and not torch.compiler.is_compiling()
@@ -231,7 +231,7 @@ class IouHead(CentreHead):
 
 
 class Dsvt(Network):
-    """Pillars, attention between them, a two-dimensional network and a heat map of centres."""
+    """The network DSVT: pillars, attention between them, a 2-D network and a centre head."""
 
     learns_in_windows = True
     balances_frames = True

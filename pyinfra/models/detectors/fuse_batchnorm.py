@@ -43,7 +43,7 @@ def _fuse_convolutions(layers: nn.Sequential) -> None:
 
 
 def _fuse_activation(layers: nn.Sequential, i: int) -> None:
-    """Fuses the activation after a convolution on a GPU, whose cuDNN computes both at once."""
+    """Fuses the activation after a convolution on a GPU, where cuDNN computes both at once."""
     layer = cast(nn.Conv2d, layers[i])
     if layer.weight.is_cuda:
         layers[i], layers[i + 2] = ConvolutionRelu(layer), nn.Identity()

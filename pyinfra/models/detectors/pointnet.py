@@ -94,7 +94,7 @@ def _random_order(clouds: Clouds) -> Tensor:
 
 
 def _scrambled(numbers: Tensor) -> Tensor:
-    """Returns pseudo-random numbers below 2^32 of int64 numbers, each from its number alone.
+    """Returns a pseudo-random number below 2^32 for each int64 number; equal inputs, equal results.
 
     PyTorch's random generators cannot have a seed for each cloud.
     """

@@ -119,7 +119,7 @@ def _box_loss(predicted: Tensor, wanted: Tensor) -> Tensor:
 
 
 class PointPillars(Network):
-    """Pillars, a two-dimensional network and anchors."""
+    """The network PointPillars: pillars, a two-dimensional network and an anchor head."""
 
     learns_in_windows = True
 

@@ -7,7 +7,7 @@ Deviations from the paper:
 
 - as in OpenPCDet: boxes are residuals from the point or the proposal instead of bins; both stages
   are trained together; the second stage gets scores instead of a mask
-- offsets are in metres; relative to the diagonal of a box, half a metre would give almost no loss
+- offsets are in metres; divided by a box's diagonal, an error of 0.5 m would hardly change the loss
 - both stages have batch norm
 - the features of a point are its intensity, its height above the road and its position in the area;
   the position is useful, because one or two points alone do not show which side of a vehicle they
@@ -210,7 +210,7 @@ class Refiner(nn.Module):
 
 
 class PointRCNN(Network):
-    """Features of points, proposals at points, and their refinement."""
+    """The network PointRCNN: features of points, proposals at points, and their refinement."""
 
     draws: Tensor
 
@@ -352,7 +352,7 @@ class PointRCNN(Network):
 
 
 def _read_draw(network: nn.Module, _: object) -> None:
-    """Reads the number of samplings of loaded weights."""
+    """Copies the number of samplings of loaded weights to the CPU."""
     assert isinstance(network, PointRCNN)
     network.draw = int(network.draws)
 
@@ -377,7 +377,7 @@ def detached(seen: Seen) -> Seen:
 
 
 def by_area(xy: Tensor, cell_m: float) -> Tensor:
-    """Returns an order of positions (n, 2) that is even by area, as rows (n,).
+    """Returns the rows (n,) of positions (n, 2) in an order that is even by area.
 
     The order begins with one position of each square of side `cell_m`. A second position of each
     square follows, and so on.
@@ -472,7 +472,7 @@ def refined(residuals: Tensor, rois: Tensor) -> Tensor:
 
 
 def corner_distances(a: Tensor, b: Tensor) -> Tensor:
-    """Returns the distances of the corners of boxes (n, 7) in metres: (n, 8).
+    """Returns the distances between the corners of boxes a and b, (n, 7) each, in metres: (n, 8).
 
     A box of b is turned by half a turn if this makes the sum of its distances smaller.
     """

@@ -48,15 +48,15 @@ from pyinfra.models.ops.clouds import farthest_of_clouds, sizes_of
 from pyinfra.models.ops.constants import constant
 from pyinfra.models.ops.points import box_of_points, turned
 
-# Radii in metres around a key point, for the raw points and for each level of voxels. GRID_RADII
-# are radii around a grid point, for key points.
+# RADII: two radii in metres of balls around a key point, for the raw points and for each level of
+# voxels. GRID_RADII: radii of balls around a grid point, for the key points.
 RADII = ((0.4, 0.8), (0.4, 0.8), (0.8, 1.2), (1.2, 2.4), (2.4, 4.8))
 GRID_RADII = (0.8, 1.6)
 
 LEARNT_NMS_IOU, INFERENCE_NMS_IOU = 0.8, 0.7  # IoU limits of suppression in training and detection
 FOREGROUND_IOU = 0.55  # minimum IoU of foreground proposals, whose refinement is trained
 FOREGROUND_SHARE = 0.5  # largest share of foreground proposals in a training frame
-BACKGROUND_IOU = 0.1  # background proposals with a higher IoU are hard
+BACKGROUND_IOU = 0.1  # background proposals with a higher IoU are hard examples
 HARD_SHARE = 0.8  # share of hard proposals among the background proposals
 POOR_IOU, GOOD_IOU = 0.25, 0.75  # IoU at which the target of the confidence is 0 and 1
 UNSURE_M = 0.1  # key points up to this far outside a vehicle are left out of the loss
@@ -90,7 +90,7 @@ class Config:
 
 
 class KeyPoints(nn.Module):
-    """Computes features (m, key_width) of key points, weighted by a foreground probability."""
+    """Computes features (m, key_width) of key points, multiplied by P(point is on a vehicle)."""
 
     def __init__(self, config: Config, area: Area, cell_m: float, canvas_channels: int) -> None:
         super().__init__()
@@ -139,7 +139,7 @@ class KeyPoints(nn.Module):
 
 
 class Refinement(nn.Module):
-    """Computes confidences (r,) as logits and residuals (r, 7) of proposals from key points."""
+    """Computes confidence logits (r,) and residuals (r, 7) of proposals from key points."""
 
     def __init__(self, config: Config) -> None:
         super().__init__()
@@ -168,7 +168,7 @@ class Refinement(nn.Module):
 
 
 class PvRcnn(Network):
-    """Sparse voxels, anchors, key points and a second stage."""
+    """The network PV-RCNN: sparse voxels, anchors, key points and a second stage."""
 
     learns_in_windows = True
 
@@ -294,7 +294,7 @@ def _second_stream(device: torch.device) -> torch.cuda.Stream:
 
 
 def raw_points(batch: Batch) -> Clouds:
-    """Returns the points of a batch as clouds, with the other columns as features."""
+    """Returns the points of a batch as clouds; the columns after x y z are the features."""
     return Clouds(batch.points[:, :3].contiguous(), batch.points[:, 3:], list(batch.counts))
 
 

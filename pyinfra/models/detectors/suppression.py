@@ -1,4 +1,4 @@
-"""From candidates to the detections of a frame; this module needs no PyTorch."""
+"""Selects the detections of a frame among its candidates; this module needs no PyTorch."""
 
 from collections.abc import Sequence
 from dataclasses import replace

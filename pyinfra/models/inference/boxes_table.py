@@ -285,7 +285,7 @@ def _place(frames: FrameSequence, height_m: float | None, region: AnyRegion | No
 
 
 def _drawn(region: AnyRegion) -> Drawn:
-    """Returns the area of an argument `region`. Raises Error for an invalid outline."""
+    """Returns the area that the argument `region` describes. Raises Error if it is invalid."""
     if isinstance(region, (str, os.PathLike)):
         return read_outline(Path(region))
     try:

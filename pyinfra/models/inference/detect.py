@@ -259,8 +259,8 @@ def once(files: Sequence[Path]) -> None:
         if file.stem in named:
             other = named[file.stem]
             raise Error(
-                f"{file}: expected point clouds of different names with `out`, got the name of "
-                f"{other}"
+                f"{file}: expected point clouds of different names with `out`, got the same name "
+                f"as {other}"
             )
         named[file.stem] = file
 

@@ -159,7 +159,7 @@ def frame_files(
 def readable_clouds(
     files: Sequence[Path], read: Callable[[Path], Points]
 ) -> tuple[list[Path], list[str]]:
-    """Returns the files that can be read, and the errors of the others.
+    """Returns the files that can be read, and the errors of the files that cannot.
 
     Raises Error if no file can be read.
     """

@@ -1,4 +1,4 @@
-"""The frames_version of the frames that a model was learnt from, and a warning for others."""
+"""The frames_version of a model's training frames, and a warning if other frames differ from it."""
 
 from pathlib import Path
 
@@ -24,11 +24,11 @@ def learnt_from(model: Path) -> str:
 def frames_warning(model: Path, used: str) -> str:
     """Returns a warning if a model was not learnt from frames of the frames_version `used`.
 
-    The text is empty if it was, and for recorded frames, whose frames_version is empty.
+    The text is empty if it was, or if a frames_version is empty, as for recorded frames.
     """
     return other_frames(model_name(model), learnt_from(model), used)
 
 
 def model_origin(lidar_folder: Path, model: Path) -> dict[str, str]:
-    """Returns the origin of a model's predictions, with the number of the model's frames."""
+    """Returns the origin of a model's predictions, with the frames_version of its training."""
     return origin_of(lidar_folder, model) | {MODEL_FRAMES: learnt_from(model)}

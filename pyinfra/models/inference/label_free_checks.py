@@ -25,7 +25,7 @@ OFF_M = 1.0  # a box is outside the region if its centre is more than this dista
 
 
 class NoQuality(Error):
-    """The measures would say nothing about the frames."""
+    """Raised if the measures would be meaningless for the frames."""
 
 
 def trust_of(

@@ -63,9 +63,8 @@ def export(run: Path, file: Path, *, suppress: bool = True) -> None:
 
     suppress: whether the graph ends with the suppression; without it, boxes overlap.
 
-    Raises Error for a detector that is not dense or that needs stacked frames, and if `file` is
-    another file than a model. Raises ImportError
-    if onnxscript is not installed.
+    Raises Error for a detector that is not dense or that needs stacked frames, and if `file` exists
+    and is not an ONNX model. Raises ImportError if onnxscript is not installed.
     """
     check_output(file, b"\x08")
     loaded = checkpoint.load(model_file(run))

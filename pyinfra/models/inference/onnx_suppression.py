@@ -59,14 +59,14 @@ def _turned(xy: Tensor, headings: Tensor) -> Tensor:
 
 
 def _corners(boxes: Tensor, centres: Tensor) -> Tensor:
-    """Returns the corners (m, 4, 2) of boxes at other centres (m, 2), counterclockwise."""
+    """Returns the corners (m, 4, 2) of boxes moved to `centres` (m, 2), counterclockwise."""
     signs = torch.tensor([[1.0, 1], [-1, 1], [-1, -1], [1, -1]], dtype=boxes.dtype)
     corners = signs[None] * boxes[:, None, 3:5] / 2
     return _turned(corners, boxes[:, 6]) + centres[:, None]
 
 
 def _inside(corners: Tensor, boxes: Tensor, centres: Tensor) -> Tensor:
-    """Returns the area (m,) below the parts of the edges between corners inside boxes."""
+    """Returns the area (m,) between the origin and the parts of the edges that are in the boxes."""
     start, edge = corners, torch.cat([corners[:, 1:], corners[:, :1]], dim=1) - corners
     at = _turned(start - centres[:, None], -boxes[:, 6])
     along = _turned(edge, -boxes[:, 6])

@@ -15,7 +15,7 @@ from pyinfra.models.detectors import Detections
 
 OwnDetector: TypeAlias = Callable[[Points], Any]
 
-LONGEST_M = 100.0  # largest side of a box, metres; a larger side is probably in another unit
+LONGEST_M = 100.0  # largest side of a box, metres; a larger side is probably not in metres
 
 
 def detections_of_own(number: int, model: OwnDetector, points: Points) -> Detections:
@@ -43,8 +43,7 @@ def detections_of_own(number: int, model: OwnDetector, points: Points) -> Detect
         raise Error(f"{prefix}: dx, dy, dz: expected values above 0, got {boxes[:, 3:6].min():g}")
     if (boxes[:, 3:6] > LONGEST_M).any():
         raise Error(
-            f"{prefix}: dx, dy, dz: expected metres, up to {LONGEST_M:g}, got "
-            f"{boxes[:, 3:6].max():g}"
+            f"{prefix}: dx, dy, dz: expected at most {LONGEST_M:g} m, got {boxes[:, 3:6].max():g}"
         )
     if (np.abs(boxes[:, 6]) > 2 * math.pi).any():
         turned = np.abs(boxes[:, 6]).max()

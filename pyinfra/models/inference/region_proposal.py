@@ -128,8 +128,8 @@ def propose_outline(
     is shorter than LEAST_S, has less than four frames per second, or has fewer than LEAST_VEHICLES
     tracks of vehicles.
     """
-    # The time from the first frame to the last one, with the time of the last one. It is rounded,
-    # because 0.1 s is no sum of binary fractions.
+    # The duration includes one period after the start of the last frame. It is rounded, because
+    # 0.1 s has no exact binary representation.
     span = numbers[-1] - numbers[0] + usual_step(numbers) if len(numbers) > 0 else 0
     seconds = round(span * period_s, 6)
     if seconds < LEAST_S:
@@ -181,7 +181,7 @@ def _clusters(
 
 
 def spaced(numbers: Sequence[int], stride: int) -> list[int]:
-    """Returns the first of ascending numbers, and each further one a stride or more after it."""
+    """Selects from ascending numbers, so that each is a stride or more above the previous one."""
     kept: list[int] = []
     for number in numbers:
         if not kept or number - kept[-1] >= stride:

@@ -1,4 +1,4 @@
-"""Number of threads of a detector."""
+"""Checks the number of threads of a detector."""
 
 import os
 

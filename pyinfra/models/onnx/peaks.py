@@ -11,7 +11,7 @@ from pyinfra.models.detectors.head_settings import BOX, PART, PEAKS, ROAD_WEIGHT
 
 
 class Peaks:
-    """The boxes at the peaks of a heat map of (H, W) cells. axis: whether the head is AxisHead."""
+    """Computes boxes at the peaks of a heat map (H, W). axis: whether the head is AxisHead."""
 
     def __init__(
         self, site: Site, cell_m: float, axis: bool, region: Region | None, shape: tuple[int, int]

@@ -39,7 +39,7 @@ Tile = tuple[Extent, Extent]
 
 
 def extent_of(used: slice, cells: int, bev: BevConfig) -> Extent:
-    """Returns what a model computes for some used cells of an axis. cells: those of the map.
+    """Returns the tile along one axis for its used cells. cells: number of cells of the map.
 
     Each layer computes only the cells on which the used cells depend.
     """

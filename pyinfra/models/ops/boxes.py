@@ -128,7 +128,7 @@ def _overlapping(boxes: Tensor, iou: float) -> tuple[Tensor, Tensor]:
 
 
 def _near_pairs(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
-    """Returns the pairs of rows (i, j), sorted, whose circumscribed circles touch."""
+    """Returns rows i of a and j of b, sorted: the pairs whose circumscribed circles touch."""
     a, b = a.detach(), b.detach()
     reach_a, reach_b = a[:, 3:5].norm(dim=1) / 2, b[:, 3:5].norm(dim=1) / 2
     rows = max(1, chunk_of(a) // max(1, len(b)))

@@ -1,8 +1,8 @@
 """Sampling and search of points in concatenated clouds, for a whole batch at once.
 
 On a CPU the clouds are processed one by one, by the compiled extension and SciPy. On a GPU, and
-without the extension, all clouds are processed together; no value on a GPU is read. There, farthest
-point sampling and the search in balls are Triton kernels (triton_kernels.py) if Triton is
+without the extension, all clouds are processed together. On a GPU, no value is read by the CPU, and
+farthest point sampling and the search in balls are Triton kernels (triton_kernels.py) if Triton is
 installed. The PyTorch code copies the clouds to an array in which all clouds have the length of the
 longest.
 
@@ -85,7 +85,7 @@ def farthest_of_clouds(xyz: Tensor, counts: Counts, most: int) -> tuple[Tensor, 
 def neighbours(
     xyz: Tensor, counts: Counts, centres: Tensor, of_centres: Counts, radius: float, most: int
 ) -> tuple[Tensor, Tensor]:
-    """Returns the pairs of a point and a centre of one cloud that are closer than a radius.
+    """Returns the pairs of a point and a centre of the same cloud at a distance below a radius.
 
     The results are rows of points (p,) and rows of centres (p,), ordered by centre and then by
     point. xyz: (n, 3), centres: (m, 3). of_centres: number of centres in each cloud. radius:
@@ -107,7 +107,7 @@ def neighbours(
 def nearest_of_clouds(
     xyz: Tensor, counts: Counts, known: Tensor, of_known: Counts
 ) -> tuple[Tensor, Tensor]:
-    """Returns the distances (n, 3) and rows (n, 3) of the three nearest known points of the cloud.
+    """Returns distances (n, 3) and rows (n, 3) of the three points `known` nearest to each point.
 
     xyz: (n, 3), known: (m, 3), of the same clouds. of_known: number of known points in each cloud,
     at least 1 where a cloud has points. A missing point has an infinite distance, and the row of
@@ -148,7 +148,7 @@ def first_of_each(hits: Tensor, most: int) -> Tensor:
 
 @dataclass(frozen=True, eq=False)
 class _Places:
-    """Where the n points of some clouds are in an array (clouds, longest)."""
+    """The positions of the n points of some clouds in an array (clouds, longest)."""
 
     start: Tensor  # (clouds,) row of each cloud's first point
     slot: Tensor  # (n,) position of each point in the flat array
@@ -177,7 +177,7 @@ def _apart(a: Tensor, b: Tensor) -> Tensor:
 
 
 def _farthest_of_all(xyz: Tensor, counts: Tensor, most: int) -> Tensor:
-    """Returns rows (clouds, most). A cloud with fewer points is followed by other rows."""
+    """Returns rows (clouds, most). Rows beyond the end of a smaller cloud are not to be used."""
     places = _places(xyz, counts)
     rows = torch.arange(most, device=xyz.device).expand(len(counts), most)
     if not all(places.shape) or most == 0:

@@ -1,4 +1,4 @@
-"""Small tensors made on the device.
+"""Creates small tensors directly on the device that uses them.
 
 Copying numbers to a GPU makes the CPU wait until the GPU has finished its earlier work. Therefore
 constants are copied once, and numbers of a batch are written by the GPU itself.

@@ -19,7 +19,7 @@ def chunk_of(tensor: Tensor) -> int:
 
 
 def interpolate(features: Tensor, distances: Tensor, rows: Tensor) -> Tensor:
-    """Interpolates features (m, c) of known points to (n, c), weighted by 1 / distance.
+    """Interpolates features (m, c) of m points at n other points: (n, c), weighted by 1 / distance.
 
     distances, rows: (n, 3), the results of `clouds.nearest_of_clouds`.
     """

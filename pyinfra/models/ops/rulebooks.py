@@ -41,10 +41,10 @@ class Rulebook:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """The input row of each output row and offset of the kernel, for Triton (triton_layers.py)."""
+    """Rows of the input by offset of the kernel and output row, for Triton (triton_layers.py)."""
 
     inputs: Tensor  # (offsets, m) int32 rows of the input, -1 for none; offsets as in Rulebook
-    # (offsets, n) int32 rows of the output; None for `inputs` in reverse order of offsets
+    # (offsets, n) int32 rows of the output; if None, they are `inputs` with the offsets reversed
     outputs: Tensor | None
     source: Tensor  # (n, 4) int64, coordinates of the input
     target: Tensor  # (m, 4) int64, coordinates of the output

@@ -41,7 +41,7 @@ class Sets:
 
     @cached_property
     def slot(self) -> Tensor:
-        """(n,) int64: the first of the s * size slots that has each voxel."""
+        """(n,) int64: for each voxel, the first of the s * size slots that has it."""
         once = (~self.repeats).flatten().nonzero()[:, 0]  # slots (n,)
         return torch.empty_like(once).index_put((self.voxel.flatten()[once],), once)
 

@@ -44,7 +44,7 @@ class SparseTensor:
         return replace(self, features=features)
 
     def to_dense(self) -> Tensor:
-        """Returns the dense grid from above, with heights as channels: (B, C * D, H, W)."""
+        """Returns the dense bird's-eye grid, with each height as C channels: (B, C * D, H, W)."""
         depth, height, width = self.shape
         channels = self.features.shape[1]
         dense = self.features.new_zeros(self.batch_size, depth, height, width, channels)

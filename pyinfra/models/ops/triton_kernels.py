@@ -108,7 +108,7 @@ if triton is not None:
 
 
 def farthest(xyz: Tensor, counts: Tensor, most: int) -> Tensor:
-    """Returns rows (clouds, most) as `clouds._farthest_of_all`, for clouds with any counts.
+    """Returns the same rows (clouds, most) as `clouds._farthest_of_all`.
 
     xyz: (n, 3) float32. counts: (clouds,) int64.
     """

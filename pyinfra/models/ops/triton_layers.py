@@ -205,7 +205,7 @@ if triton is not None:
 
 
 def usable(tensor: Tensor) -> bool:
-    """Returns whether the layers run on the device of a tensor. They do not take float64."""
+    """Returns whether the kernels support the device and type of a tensor (not float64)."""
     return enabled and tensor.dtype != torch.float64 and triton_kernels.usable(tensor)
 
 
@@ -344,5 +344,5 @@ def _padded(channels: int) -> int:
 
 
 def _precision() -> str:
-    """Returns how products of 32 bits are computed, as PyTorch's own products."""
+    """Returns the precision of float32 products: the one that is set for PyTorch's products."""
     return "ieee" if torch.get_float32_matmul_precision() == "highest" else "tf32"

@@ -40,7 +40,7 @@ def ahead(make: Make, steps: range) -> Generator[tuple[int, Batch]]:
 
 @dataclass(frozen=True)
 class _Tasks(Dataset[list[tuple[int, Batch | Exception]]]):
-    """The tasks of workers: the batches of some consecutive steps each."""
+    """The tasks of workers. A task makes the batches of some consecutive steps."""
 
     make: Make
     steps: range

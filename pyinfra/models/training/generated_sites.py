@@ -40,7 +40,7 @@ RESAMPLED, TRIES = 1_000_000_000, 5
 
 @dataclass(frozen=True)
 class StreamPlan:
-    """The sites of a stream, and how many LiDARs and frames are simulated at each."""
+    """The sites of a stream of training samples, and the LiDARs and frames of each site."""
 
     seed: int = ruled(1, 0, 2**62)  # seed of the choice and order of LiDARs and frames
     sites: int = ruled(1000, 1, RESAMPLED)
@@ -251,7 +251,7 @@ def site_stream(
     files = (*chosen.files, *(narrow.files if narrow else ()))
     drawn = asdict(plan)
     if plan.narrow == 0:
-        del drawn["narrow"]  # so that trainings of versions without narrow visits can resume
+        del drawn["narrow"]  # so that trainings of versions without narrow visits can be resumed
     of_narrow = {"of_narrow": lidar_catalogue.names_of(narrow.files)} if narrow else {}
     last = plan.first_site + plan.sites - 1
     return Stream(

@@ -1,4 +1,4 @@
-"""Training frames in memory, and the points of their objects to paste.
+"""Keeps training frames in memory, and the points of objects that are pasted into other frames.
 
 A training of many steps uses each frame many times. The frames are read once, before the first
 step, and worker processes share them.

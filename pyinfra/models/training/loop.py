@@ -51,7 +51,7 @@ class TrainingDiverged(Error):
 
 @dataclass(frozen=True)
 class Progress:
-    """The progress after a step."""
+    """The progress of a training after a step."""
 
     step: int
     steps: int
@@ -65,13 +65,13 @@ class Progress:
 
 @dataclass(frozen=True)
 class Pace:
-    """How a training uses its device. The weights are the same up to rounding."""
+    """How a training uses its device. These settings change the weights only by rounding."""
 
     workers: int = 0  # number of processes that make batches; if 0, a thread makes them
     in_memory: bool = False  # whether all frames are read once, before the first step
-    reads_every: int = 1  # steps after which losses are read from the device, checked and reported
+    reads_every: int = 1  # number of steps between two readings, checks and reports of losses
     fused: bool = False  # whether the optimiser changes all weights in one kernel
-    tf32: bool = False  # whether products of matrices round their inputs to 10 bits
+    tf32: bool = False  # whether products of matrices round inputs to 10 bits of mantissa
     tuned: bool = False  # whether cuDNN tries its algorithms and uses the fastest
     compiled: bool = False  # whether torch.compile compiles the two-dimensional network
 
@@ -139,7 +139,7 @@ def train(
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One step of a training."""
+    """A callable that does one step of a training."""
 
     network: Network
     optimizer: torch.optim.Optimizer
@@ -245,7 +245,7 @@ def batches_of(
 
 @contextmanager
 def products_of(pace: Pace) -> Iterator[None]:
-    """Context manager in which a GPU computes products and convolutions at a pace."""
+    """Context manager that sets the precision and the cuDNN tuning of a pace."""
     before = torch.get_float32_matmul_precision(), torch.backends.cudnn.benchmark
     torch.set_float32_matmul_precision("high" if pace.tf32 else before[0])
     torch.backends.cudnn.benchmark = pace.tuned
@@ -259,7 +259,7 @@ def products_of(pace: Pace) -> Iterator[None]:
 def check_finite(name: str, value: float, step: int, last: Path) -> None:
     """Raises TrainingDiverged if a value is not finite. last: file of the last checkpoint."""
     if not math.isfinite(value):
-        good = f"the last good checkpoint is {last}" if last.exists() else "there is no checkpoint"
+        good = f"the last valid checkpoint is {last}" if last.exists() else "there is no checkpoint"
         raise TrainingDiverged(f"step {step}: the {name} is {value}; {good}")
 
 

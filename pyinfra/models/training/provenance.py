@@ -118,7 +118,7 @@ def provenance_of(weights: Any, file: Path) -> Provenance:
         plain = None
     if not isinstance(plain, dict) or "format" not in plain:
         raise ConfigError(
-            f"{file}: expected weights that pyinfra wrote, got weights without `about`"
+            f"{file}: expected weights that pyinfra wrote, got a file without metadata `about`"
         )
     written = {"format": FORMAT, "convention": CONVENTION, "above_road": True}
     for key, wanted in written.items():

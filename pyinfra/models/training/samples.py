@@ -62,7 +62,7 @@ class Samples(Protocol):
     def sample(self, i: int) -> Sample: ...
 
     def another(self, i: int, rng: np.random.Generator) -> Sample:
-        """Returns a random sample of the same LiDAR as sample i, for its objects."""
+        """Returns a random sample of the LiDAR of sample i. Its objects can be pasted into i."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +199,7 @@ def moved(sample: Sample, *, turn: float, scale: float, flip: bool) -> Sample:
 def with_pasted(
     sample: Sample, other: Sample, how: Augmentation, rng: np.random.Generator
 ) -> Sample:
-    """Pastes objects of the other frame, with their points, where this frame has no objects.
+    """Pastes objects of `other`, with their points, into `sample` where it has no objects.
 
     Objects are pasted from each class in turn, so that rare classes are pasted as often as others.
     """

@@ -53,7 +53,7 @@ class Source:
     clouds: tuple[Callable[[], Points], ...]
     # (k, 7) boxes of each frame's objects that have a point and belong to `classes`
     read_boxes: Callable[[], tuple[FloatArray, ...]]
-    read_warning: Callable[[], str | None] = lambda: None  # warning about other object names
+    read_warning: Callable[[], str | None] = lambda: None  # warning about object names of no class
     region: regions.Region | None = None  # where vehicles can be, if known
     ground: Ground | None = None  # height of the road; None if it is computed from the vehicles
     accumulation: Accumulation = ONE_FRAME  # clouds are (n, 4) for one frame, (n, 5) if stacked

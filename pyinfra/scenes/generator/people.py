@@ -26,7 +26,7 @@ Things = Mapping[str, Sequence[Keys]]
 
 
 class Walks:
-    """Rows of pedestrians and cyclists of a site.
+    """Places the rows of pedestrians and cyclists of a site.
 
     Each row uses the longest free line beside its road. Of equally long lines, it uses the line
     nearest to the road.

@@ -18,12 +18,12 @@ from pyinfra.scenes.generator.roadside_ranges import (
 
 @dataclass(frozen=True)
 class MountRanges:
-    """The mounting position and orientation of a sensor."""
+    """Distributions of the mounting position and orientation of a sensor."""
 
     height_m: Range = (3.5, 9.0)  # height on masts, signal posts or lamp posts
     over_m: Range = (5.5, 9.0)  # height above lanes, on an arm or a gantry
-    # Weights of positions over the lanes and over the median. Positions beside the road have
-    # weight 1.
+    # Weights with which a mount is over the lanes (`over_lanes`) or over the median. A mount
+    # beside the road has weight 1.
     over_lanes: float = 0.08
     over_median: float = 0.12
     beside_m: Range = (0.3, 4.0)  # distance from the edge of the carriageway or of the footway
@@ -39,7 +39,7 @@ class MountRanges:
 
 @dataclass(frozen=True)
 class RingRanges:
-    """Single-lane roundabouts with outer diameters from 30 to 60 m.
+    """Distributions of single-lane roundabouts with outer diameters from 30 to 60 m.
 
     The German guideline `Merkblatt Kreisverkehre` specifies outer diameters of 26 to 40 m.
     """

@@ -13,7 +13,7 @@ from pyinfra.scenes.generator.random_stream import Range, Weights
 
 @dataclass(frozen=True)
 class WalkRanges:
-    """Pedestrians or cyclists on one side of a road."""
+    """The distributions of pedestrians or cyclists on one side of a road."""
 
     share: float  # share of road sides with a row of pedestrians or cyclists
     per_km: Range  # people per km, both directions together; the simulator allows up to 60

@@ -13,7 +13,7 @@ from pyinfra.scenes.generator.random_stream import Range, Spans, Weights
 
 @dataclass(frozen=True)
 class ThingRanges:
-    """Sizes of roadside objects."""
+    """Distributions of the sizes and positions of roadside objects."""
 
     verge_m: Range = (0.4, 3.0)  # gap between successive rows of objects
     rail: Spans = field(  # guard rails; a height of 0.75 is common in EN 1317
@@ -24,7 +24,7 @@ class ThingRanges:
     )
     rail_parts: float = 0.3  # share of rails that stand along only a part of the road
     rail_part_m: Range = (30, 150)  # length of the part that has a rail
-    part_within_m: Range = (-70, 70)  # centre of an object along part of the road, from the focus
+    part_within_m: Range = (-70, 70)  # middle of such a part, relative to the focus
     noise_wall_m: Range = (2.0, 4.5)
     noise_wall_away_m: Range = (1, 5)
     gantry_away_m: Range = (6, 90)  # distance of a gantry from the station nearest to the focus
@@ -66,7 +66,7 @@ class ThingRanges:
     house_length_m: Range = (7, 45)
     house_depth_m: Range = (7, 16)
     house_height_m: Range = (3, 20)
-    house_heights: Range = (0.8, 1.2)  # height of a house, relative to the height of the row
+    house_heights: Range = (0.8, 1.2)  # height of a house, relative to its row's common height
     house_gap_m: Range = (1, 25)
     house_setback_m: Range = (0.5, 12)
     post_every_m: Range = (18, 45)
@@ -89,7 +89,7 @@ class ThingRanges:
 
 @dataclass(frozen=True)
 class ParkingRanges:
-    """Parked vehicles at kerbs and in car parks."""
+    """Distributions of parked vehicles at kerbs and in car parks."""
 
     lane_m: Range = (2.0, 2.6)  # width of parking lanes at the kerb; RASt specifies 2.0
     kerb_gap_m: Range = (0.7, 2.0)
@@ -122,7 +122,7 @@ class ParkingRanges:
 
 @dataclass(frozen=True)
 class WayRanges:
-    """Rows of pedestrians and cyclists."""
+    """Distributions of rows of pedestrians and cyclists."""
 
     sites: float = 0.85  # share of sites with rows, among sites whose road type can have rows
     within_m: float = 120  # maximum distance of rows from the site's focus
@@ -133,7 +133,7 @@ class WayRanges:
 
 @dataclass(frozen=True)
 class FurnitureRanges:
-    """Street furniture and standing groups. Sizes without a source are assumptions."""
+    """Distributions of street furniture and standing groups of pedestrians."""
 
     sites: float = 0.7  # share of sites with furniture
     times: float = 1.0  # factor for the road type's numbers of pieces of furniture

@@ -29,7 +29,7 @@ MOST_CORNERS = 2000  # maximum number of corners of a surface
 def read_city_json(file: Path) -> Triangles:
     """Reads all surfaces as triangles, in metres and the coordinates of the file.
 
-    Raises FormatError for another file, or one without a surface.
+    Raises FormatError for a file that is not CityJSON, or that has no surface.
     """
     check_size(file, MOST_BYTES)
     try:
@@ -99,7 +99,7 @@ def _triangles(where: str, surface: object, vertices: FloatArray) -> list[list[i
     for ring in index:
         if len(ring) and not (ring.min() >= 0 and ring.max() < len(vertices)):
             raise FormatError(
-                f"{where}: boundaries: expected vertices from 0 to {len(vertices) - 1}, got "
+                f"{where}: boundaries: expected vertex indices from 0 to {len(vertices) - 1}, got "
                 f"{ring.min()} to {ring.max()}"
             )
     if not index or len(index[0]) < 3 or sum(map(len, index)) > MOST_CORNERS:

@@ -80,8 +80,8 @@ def _read_csv(file: Path) -> list[Recorded]:
             out.append(Recorded(str(name), type_name, states[at], values["speed"][at], kind))
     if not out:
         raise FormatError(
-            f"{file}: expected rows with vehicle_id, vehicle_x and vehicle_y or with those of a "
-            f"person, got no such row in the columns {', '.join(table)[:200]}"
+            f"{file}: expected rows with vehicle_id, vehicle_x, vehicle_y or person_id, person_x, "
+            f"person_y, got no such row in the columns {', '.join(table)[:200]}"
         )
     return out
 
@@ -107,7 +107,7 @@ def read_fcd(file: Path) -> list[Recorded]:
         ) from error
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise FormatError(
-            f"{file}: expected a complete .gz file, got a damaged one ({error})"
+            f"{file}: expected a complete .gz file, got a damaged file ({error})"
         ) from error
     if not rows:
         raise FormatError(f"{file}: expected one or more vehicles or people, got none")

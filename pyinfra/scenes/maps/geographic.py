@@ -97,9 +97,9 @@ def _away_m(lon_lat: FloatArray, projection: Projection) -> float:
 def metres_of_degrees(xy: FloatArray, projection: Projection | None) -> FloatArray | None:
     """Returns positions (n, 2) in metres if the values are longitude and latitude, else None.
 
-    The order may also be latitude and longitude. All positions must be at the site. In metres, this
-    holds only within centimetres of one point, so the values cannot be metres. Values near 0 are
-    metres, because the projection of many maps without a place on earth begins at 0 degrees.
+    The order may also be latitude and longitude. All positions must be at the site. Positions in
+    metres can only be so if they are within centimetres of one point. Values near 0 count as
+    metres, because many maps without a real location have a projection centred on 0 degrees.
     """
     if projection is None or not len(xy) or (np.abs(xy).max(axis=1) < 1).any():
         return None

@@ -1,4 +1,4 @@
-"""Compares the lanes of a map's reader with SUMO's network, and bodies with lanes."""
+"""Compares imported lanes with those of SUMO's network, and finds bodies that stand on lanes."""
 
 from collections.abc import Sequence
 

@@ -23,8 +23,8 @@ def on_lanes(
 ) -> tuple[list[BoxTrack], list[str]]:
     """Sets z of boxes without a height, so that they stand on the nearest lane of the site.
 
-    z is NaN in such boxes. Without lanes, the road is at z = 0. `offset_m` (3,) is that of the
-    boxes' coordinates. Returns the objects, and notes.
+    z is NaN in such boxes. Without lanes, the road is at z = 0. `offset_m` (3,) is the
+    offset from site coordinates to those of the boxes. Returns the objects, and notes.
     """
     if not any(np.isnan(o.boxes[:, 2]).any() for o in objects):
         return objects, []

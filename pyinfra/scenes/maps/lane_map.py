@@ -58,7 +58,7 @@ class MapBody:
 
 @dataclass(frozen=True)
 class MapTree:
-    """A tree."""
+    """A tree: its position and height."""
 
     x_m: float
     y_m: float

@@ -110,7 +110,7 @@ def _fill_heights(content: LaneletFile, xy: Mapping[str, tuple[float, float]]) -
         return [f"heights of {len(missing)} of {len(used)} points: interpolated along the borders"]
     content.heights.clear()
     count = len(used) - len(missing)
-    return [f"heights of {count} of {len(used)} points: left out, because others have none"]
+    return [f"heights of {count} of {len(used)} points: left out, because other points have none"]
 
 
 def _read_element(element: Element, content: LaneletFile) -> None:
@@ -166,7 +166,7 @@ def _add(
 
 
 def _directed(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Returns the borders in the direction of travel: the left one is on its left."""
+    """Returns the borders in the direction of travel, so that the left border is on the left."""
     ends = np.linalg.norm(left[[0, -1]] - right[[0, -1]], axis=1).sum()
     crossed = np.linalg.norm(left[[0, -1]] - right[[-1, 0]], axis=1).sum()
     if crossed < ends:

@@ -16,7 +16,7 @@ LONGEST_BYTES = 2 << 30  # maximum size of a map file
 FORMATS = (".xodr", ".osm", ".osm.xml", ".net.xml")  # .gz or .bz2 may follow these extensions
 PACKED = (".gz", ".bz2")
 _MESH = "add it to a site of this place as a mesh (`pyinfra site mesh`)"
-# Formats of buildings, which have no lanes, and what to do with them.
+# Formats that have buildings but no lanes, with the advice for the user.
 OTHERS = {
     ".city.json": f"CityJSON has buildings; {_MESH}",
     ".cityjson": f"CityJSON has buildings; {_MESH}",

@@ -151,7 +151,7 @@ def _holds(section: Element, side: str) -> bool:
 def _pieces(
     road: OpenDriveRoad, nodes: list[Element], sign: int, start: float, end: float
 ) -> list[Piece]:
-    """Returns the lanes of a side in a lane section. sign: of the lanes' ids."""
+    """Returns the lanes of a side in a lane section. sign: sign of the ids of these lanes."""
     pieces = []
     lanes = sorted(nodes, key=lambda n: abs(_lane_id(road, n)))
     widths = [read_cubics(lane.findall("width"), "sOffset", start) for lane in lanes]

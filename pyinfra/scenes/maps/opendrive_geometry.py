@@ -144,7 +144,7 @@ def _piece(node: Element, road: str | None) -> Line:
     if shape.tag == "spiral":
         return _spiral(number(shape, "curvStart"), number(shape, "curvEnd"), max(length, 1e-9))
     if shape.tag == "poly3":
-        # The curve ends where its arc length is `length`. Its u is smaller there.
+        # The curve ends where its arc length is `length`. At this end, u is less than `length`.
         return _along({"aV": [number(shape, k) for k in "abcd"], "aU": [0, 1, 0, 0]}, length)
     if shape.tag == "paramPoly3":
         sides = {f"a{k}": [number(shape, f"{c}{k}", 0.0) for c in "abcd"] for k in "UV"}

@@ -1,4 +1,4 @@
-"""Counts what neither the importer nor netconvert uses of an OpenDRIVE file."""
+"""Counts elements of an OpenDRIVE file that neither the importer nor netconvert uses."""
 
 from collections import Counter
 from xml.etree.ElementTree import Element

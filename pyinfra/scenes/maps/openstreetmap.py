@@ -169,7 +169,7 @@ def read_street_map(file: Path) -> StreetMap:
 
 
 def _drop_partial_heights(street_map: StreetMap) -> None:
-    """Ignores heights if a node of a way has none: its height would be 0."""
+    """Ignores all heights if a node of a way has none, because its height would become 0."""
     used = {i for way in street_map.ways for i in way.nodes if i in street_map.nodes}
     count = len(used & street_map.with_heights)
     if 0 < count < len(used):

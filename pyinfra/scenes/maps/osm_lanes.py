@@ -1,7 +1,7 @@
 """Compares the lanes that OpenStreetMap states for its ways with SUMO's network.
 
 Follows the public descriptions of the keys `lanes`, `lanes:both_ways`, `lanes:bus`, `busway` and
-`bus:lanes`. Lanes that differ are only named, because the network decides where vehicles drive.
+`bus:lanes`. Differences are only reported, because vehicles drive on the network.
 """
 
 import re
@@ -39,7 +39,7 @@ def swap_sides(tag: Element) -> None:
 
 
 def lane_notes(map_: StreetMap, lanes: Sequence[MapLane]) -> list[str]:
-    """Returns a text for each way whose lanes are not those of the network, with its id."""
+    """Returns a text with the id of each way whose lanes differ from those of the network."""
     counts: defaultdict[str, defaultdict[str, defaultdict[str, int]]] = defaultdict(
         lambda: defaultdict(lambda: defaultdict(int))
     )
@@ -58,7 +58,7 @@ def lane_notes(map_: StreetMap, lanes: Sequence[MapLane]) -> list[str]:
 
 
 def _differences(way: Way, by_direction: Sequence[set[int]]) -> Iterator[str]:
-    """Yields how the lanes of a way differ. `by_direction`: numbers of lanes of its edges."""
+    """Yields how the lanes of a way differ. `by_direction`: its edges' lane counts."""
     stated = _whole(way.tags.get("lanes", ""))
     is_oneway = way.tags.get("oneway", "no") != "no"
     if stated is not None and any("opposite" in v for k, v in way.tags.items() if "busway" in k):

@@ -254,8 +254,8 @@ class _Net:
             for a, b in itertools.pairwise(nodes):
                 metres = math.dist(self.xy[a], self.xy[b])
                 next_.setdefault(a, {})[b] = next_.setdefault(b, {})[a] = metres
-        goal: dict[str, float] = {}  # way id to the height of each lifted or lowered way
-        pinned: dict[str, set[str]] = {}  # way id to the nodes that its ramps must not change
+        goal: dict[str, float] = {}  # maps the id of each lifted or lowered way to its height
+        pinned: dict[str, set[str]] = {}  # maps a way id to the nodes that its ramps keep
         for c in crossings:
             pinned.setdefault(c.upper.id, set()).update(c.on_lower)
             pinned.setdefault(c.lower.id, set()).update(c.on_upper)

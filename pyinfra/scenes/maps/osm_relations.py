@@ -17,7 +17,7 @@ from pyinfra.scenes.maps.surfaces import contains, crosses_itself, side_of, sign
 
 @dataclass(frozen=True)
 class Building:
-    """A building with one outline. Nodes are ids, without the repeated last one."""
+    """A building with one outline. Nodes are ids; the first one is not repeated."""
 
     source: str  # name of the element in the map, such as `way 5`
     nodes: list[str]

@@ -45,7 +45,7 @@ _RULES = {
 
 @dataclass(frozen=True)
 class BoxColumns:
-    """Options for reading a CSV file with other column and class names."""
+    """Options for a CSV file whose column or class names differ from those of this package."""
 
     # Maps column names of this package to column names of the file.
     names: dict[str, str] = field(default_factory=dict)
@@ -117,7 +117,7 @@ def read_boxes(file: Path, how: BoxColumns) -> list[BoxTrack]:
 def _ids(
     words: pd.DataFrame, times: FloatArray, boxes: FloatArray, classes: NameArray
 ) -> NameArray:
-    """Returns the track (n,) of each box: that of the column `id`; others are linked."""
+    """Returns the track (n,) of each box, from the column `id` or, without an id, by linking."""
     column = words["id"] if "id" in words else pd.Series("", index=words.index)
     ids = column.map({word: track_name(word) for word in column.unique()}).to_numpy(object)
     new = np.flatnonzero(ids == "")
@@ -165,7 +165,7 @@ def read_frames(folder: Path) -> list[BoxTrack]:
 
 
 def _usual_step(times: FloatArray) -> float:
-    """Returns the median step between times (n,) in seconds; 1 for a single one."""
+    """Returns the median step between times (n,) in seconds; 1 for a single time."""
     steps = np.diff(np.unique(times))
     return float(np.median(steps)) if len(steps) else 1.0
 
@@ -187,7 +187,7 @@ def _with_known_names(words: pd.DataFrame) -> pd.DataFrame:
 
 
 def _classes_of(file: Path, words: pd.DataFrame) -> pd.Series:
-    """Returns the class of each row from inD's file of tracks beside it, else empty classes."""
+    """Returns the class of each row from inD's *_tracksMeta.csv beside `file`, else empty texts."""
     meta = file.with_name(file.name.replace("_tracks.csv", "_tracksMeta.csv"))
     if meta != file and meta.is_file() and "id" in words.columns:
         tracks = read_words(meta)

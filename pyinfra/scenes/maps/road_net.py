@@ -163,7 +163,7 @@ def _lane(edge: Edge, index: str | None) -> frozenset[str] | None:
     return edge.lanes[number] if 0 <= number < len(edge.lanes) else frozenset()
 
 
-# SUMO classes of the objects for which routes are computed.
+# SUMO classes of objects for which routes can be computed.
 _ASKED = {"passenger", "delivery", "truck", "bus", "motorcycle", "bicycle", "pedestrian"}
 
 

@@ -16,7 +16,7 @@ SCENE, MAP, NET = "site.yaml", "map.yaml", "map.net.xml"
 
 
 def scene_of(site: Path) -> Path:
-    """Returns the scene file of a site folder. Raises Error for a file, or a folder without it."""
+    """Returns the scene file of a site folder. Raises Error if `site` is not such a folder."""
     if site.is_file():
         raise Error(f"{site}: expected the folder of a site, got a file; use {site.parent}")
     check_exists(site)
@@ -148,7 +148,7 @@ def set_duration(site: Path, seconds: float) -> None:
 
 
 def check_edit(file: Path, text: str, wanted: dict[str, Any], advice: str) -> None:
-    """Raises FormatError with the advice if the new text of a scene file has other values."""
+    """Raises FormatError with `advice` if the new text of a scene file differs from `wanted`."""
     try:
         has_them = yaml.safe_load(text) == wanted
     except yaml.YAMLError:

@@ -26,9 +26,9 @@ NO_VEHICLES = ("Pedestrian", "Cyclist")
 
 
 def has_traffic(site: Path, demand: Demand, seconds: float, seed: int) -> bool:
-    """Returns whether a site has recorded trajectories, or those of these arguments.
+    """Returns whether a site already has trajectories: recorded, or simulated with these arguments.
 
-    Raises Error if it has trajectories of other arguments.
+    Raises Error if the trajectories were simulated with different arguments.
     """
     if not (site / NAME).is_file():
         return False
@@ -64,7 +64,7 @@ def _check_directions(site: Path) -> None:
 
 
 def driven_per_hour(tracks: Sequence[Track], seconds: float) -> int:
-    """Returns the vehicles that appear after the first instant, per hour."""
+    """Returns the number of vehicles per hour that appear after the first instant."""
     names = {t.name for t in tracks if t.first > 0 and t.object_class not in NO_VEHICLES}
     return round(len(names) * 3600 / seconds)
 
@@ -72,7 +72,7 @@ def driven_per_hour(tracks: Sequence[Track], seconds: float) -> int:
 def lacking_traffic(site: Path) -> str:
     """Returns a text if fewer vehicles drive at a site than were asked for, else "".
 
-    A network that is full lets the others wait outside.
+    If the network is full, the remaining vehicles wait outside it.
     """
     record = read_keys(site / RECORD) if (site / RECORD).is_file() else {}
     wanted, driven = (float(record.get(key) or 0) for key in ("vehicles_per_hour", DRIVEN))

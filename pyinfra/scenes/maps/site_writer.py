@@ -59,7 +59,7 @@ def write_site(
 
 
 def trees_beside_lanes(site_map: SiteMap, terrain: Sheet) -> list[dict[str, float]]:
-    """Returns the keys of the trees. None is in the space over a lane that vehicles need.
+    """Returns the keys of the trees. No tree is in the space that vehicles need over a lane.
 
     A crown that reaches over a lane is raised. A tree whose trunk is on a lane is left out. Both
     are added to `mended` of the map.

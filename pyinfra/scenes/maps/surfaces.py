@@ -131,7 +131,7 @@ def contains(outline: FloatArray, xy: FloatArray) -> BoolArray:
 
 
 def to_segments(positions: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
-    """Returns the distances (n,) of positions from segments; either is one (2,) or n (n, 2)."""
+    """Returns the distances (n,) of positions from segments; each argument is (2,) or (n, 2)."""
     along = end - start
     part = ((positions - start) * along).sum(-1) / np.maximum((along**2).sum(-1), 1e-12)
     away = start + part.clip(0, 1)[:, None] * along - positions

@@ -36,7 +36,7 @@ _WALKS = (
 
 @dataclass(frozen=True)
 class Traffic:
-    """Tracks, and the names of objects that were left out. The first track starts at 0."""
+    """Tracks, and the names of objects that were left out. The first track starts at instant 0."""
 
     tracks: list[Track]
     asked: int  # number of planned trips

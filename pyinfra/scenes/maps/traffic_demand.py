@@ -213,7 +213,7 @@ def _too_small(net: RoadNet, feet: FloatArray, sumo_class: str) -> str:
     far = max(float(np.linalg.norm(e.shape[:, None] - feet, axis=2).min(1).max()) for e in edges)
     starts, ends = (len(far_edges) for far_edges in _far_edges(net, feet, sumo_class))
     counts = f"{starts} edges begin and {ends} edges end at this distance"
-    why = counts if far >= reach else f"it reaches {far:.0f} m"
+    why = counts if far >= reach else f"the map reaches {far:.0f} m"
     return (
         f"the map: expected a route for class '{sumo_class}' that begins and ends at least "
         f"{reach:.0f} m from the mount and passes through the region, got none ({why}). Objects "

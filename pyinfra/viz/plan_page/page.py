@@ -1,4 +1,4 @@
-"""Writes the page of a plan, and the file of its data beside the plan's tables."""
+"""Writes the page of a plan, and the file of the page's data beside the plan's tables."""
 
 import json
 from collections.abc import Sequence
@@ -78,12 +78,12 @@ def render(data: dict[str, Any], view: str = "") -> str:
 
 
 def shown(value: float | None, digits: int = 0) -> str:
-    """Returns a number as text; a dash for one that is unknown."""
+    """Returns a number as text, or a dash if the number is unknown."""
     return "\N{EN DASH}" if value is None else f"{value:.{digits}f}"
 
 
 def join_interval(values: Sequence[float | None], digits: int = 0) -> str:
-    """Returns a value with its interval, if that is known."""
+    """Returns a value as text, with its interval if the interval is known."""
     value, low, high = values
     if low is None or high is None:
         return shown(value, digits)

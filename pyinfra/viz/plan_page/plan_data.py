@@ -32,7 +32,7 @@ Row = Mapping[str, Any]
 
 
 def plan_data(plan: Plan) -> dict[str, Any]:
-    """Returns the data of the page of a plan, which JSON can hold."""
+    """Returns the data of the page of a plan, in types that JSON supports."""
     front, request, site = plan.front, plan.request, plan.site
     table = front.table
     cells = front.cells
@@ -76,12 +76,12 @@ def plan_data(plan: Plan) -> dict[str, Any]:
 
 
 def limit(value: float) -> float | None:
-    """Returns a limit, or None if there is none."""
+    """Returns a limit, or None if it is infinite."""
     return value if math.isfinite(value) else None
 
 
 def unconfirmed(front: Front) -> list[str]:
-    """Returns the LiDARs and the lines of a price that are unconfirmed."""
+    """Returns the names of the LiDARs and cost items whose price is unconfirmed."""
     names = ["power" if name in POWER else COSTS.get(name, name) for name in front.unconfirmed]
     return list(dict.fromkeys(names))
 
@@ -135,13 +135,16 @@ def _is_done(row: Row) -> bool:
 
 
 def _deciding(row: Row, column: str) -> list[float | None]:
-    """Returns the share of a goal: simulated if the option was and the goal has objects there."""
+    """Returns the share of a goal with its interval: simulated if known, else predicted."""
     done = math.isfinite(row.get(f"{column}_simulated", math.nan))
     return _interval(row, f"{column}_simulated" if done else column)
 
 
 def _false(row: Row) -> list[float | None]:
-    """Returns the false boxes that decide; if no score makes them rarer, none below the value."""
+    """Returns the false boxes per frame with their interval: simulated if known, else predicted.
+
+    If no score keeps the requested rate, the interval begins at the predicted rate.
+    """
     if _is_done(row):
         return _interval(row, "false_per_frame_simulated")
     value, low, high = _interval(row, "false_per_frame")
@@ -157,7 +160,7 @@ def _rounded(values: Sequence[float], digits: int = 1) -> list[float | None]:
 
 
 def left_out(candidates: pd.DataFrame) -> list[dict[str, Any]]:
-    """Returns what was left out and how often, grouped by reason; most frequent first."""
+    """Returns the numbers of left-out poses and pairs by reason, the most frequent reason first."""
     some = candidates[candidates.left_out != ""]
     what = np.where(some.lidar == "", "pose", "pose and LiDAR")
     groups = some.groupby([what, some.left_out], sort=False).size().sort_values(ascending=False)

@@ -1,7 +1,7 @@
 """Draws the map of a plan's site as SVG: roads, lane lines, trees, houses, crossings, stops, areas.
 
-North is up. The unit is the metre; y is mirrored, because that of SVG points down. The page adds
-cells and poles in two empty groups.
+North is up. The unit is the metre. y is mirrored, because the y axis of SVG points down. The page
+adds cells and poles to empty groups.
 """
 
 import html
@@ -83,7 +83,7 @@ def site_map(
 
 
 def path(lines: Iterable[FloatArray], kind: str, *, closed: bool) -> str:
-    """Returns lines (n, 2) as one path of a class; empty without lines."""
+    """Returns lines (n, 2) as one path of the CSS class m-`kind`; empty if there are no lines."""
     drawn = "".join(
         "M" + "L".join(f"{x:.1f} {-y:.1f}" for x, y in line) + ("z" if closed else "")
         for line in lines
@@ -148,7 +148,7 @@ def _houses(site: PlanSite) -> Iterator[str]:
 
 
 def _meshes(site: PlanSite, window: Window, kinds: Mapping[str, str]) -> Iterator[str]:
-    """Yields the meshes of an imported site from above. kinds: class of each drawn material."""
+    """Yields the meshes of an imported site from above. kinds: CSS class of each drawn material."""
     for mesh in site.keys.get("meshes") or []:
         kind, file = kinds.get(mesh.get("material", "")), site.file.parent / mesh["file"]
         if kind is None or not file.is_file():

@@ -1,7 +1,7 @@
 """The parts of a report section: plain values that the page's template shows.
 
-Every text is escaped and shown literally. Only `Embed` and the panels of a `Figure` are markup.
-Only this package makes them.
+Every text is escaped and shown literally. Only an `Embed` and the panels of a `Figure` are markup,
+which only this package writes.
 """
 
 from __future__ import annotations
@@ -155,9 +155,9 @@ class Steps:
 
 @dataclass(frozen=True)
 class Entry:
-    """A row of an index: a label and an anchor prefix.
+    """A row of an index: a label, and the prefix of the anchor that the row links to.
 
-    needs: what the page must contain for the link to exist.
+    needs: text for the reader on what the page must contain for the link to exist.
     """
 
     label: str
@@ -208,7 +208,7 @@ def table_of(
 ) -> Table:
     """Returns a table with a line for each row.
 
-    A column whose cells have a sort key is one of numbers.
+    A column whose cells have a sort key is a column of numbers.
     """
     lines = [[of(row) for of in columns.values()] for row in rows.itertuples()]
     cells = [[TableCell(c) if isinstance(c, str) else c for c in line] for line in lines]
@@ -220,7 +220,7 @@ def table_of(
 
 
 def number_in(column: str, form: str = ".1f") -> Callable[[Any], TableCell]:
-    """Returns a function of a row that returns the cell of a number and of its origin, if known."""
+    """Returns a function of a row, which returns a cell with the row's number in `column`."""
     return lambda row: number(float(getattr(row, column)), form, str(getattr(row, "origin", "")))
 
 

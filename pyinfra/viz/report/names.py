@@ -49,7 +49,7 @@ class Names:
         return self.models.get(lidar, lidar)
 
     def label(self, lidar: str) -> str:
-        """Returns model and kind, for legends."""
+        """Returns a LiDAR's model and kind, for legends."""
         kind = KINDS.get(lidar)
         return f"{self.model(lidar)}, {kind}" if kind else self.model(lidar)
 
@@ -69,10 +69,10 @@ class Names:
 
 
 def read_names(lidars: Iterable[str], models: Mapping[str, str]) -> Names:
-    """Returns the names, first the LiDARs of this package (LIDARS).
+    """Returns the names of LiDARs, those of this package (LIDARS) first.
 
-    Therefore these LiDARs have the same colours in every report. models: models by name, if known.
-    Other models are read from this package's LiDAR files.
+    Therefore the LiDARs of this package have the same colours in every report. models: models by
+    name, if known. Other models are read from this package's LiDAR files.
     """
     order = tuple(dict.fromkeys([*LIDARS, *sorted(set(lidars))]))
     plain = [name for name in order if re.fullmatch(r"[\w-]+", name)]
@@ -98,7 +98,7 @@ def capitalized(name: str) -> str:
 
 
 def option_columns(names: Names) -> dict[str, Callable[[Any], str]]:
-    """Returns the columns of a table that name its options: functions of a row by title."""
+    """Returns the columns that name the options of a table: for each title a function of a row."""
     return {
         "LiDAR": lambda row: names.model(str(row.lidar)),
         "Scene": lambda row: str(row.scene),

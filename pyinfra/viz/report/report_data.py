@@ -1,4 +1,4 @@
-"""The input of a report: results, and data sets and runs if they are given."""
+"""The input of a report: results and, optionally, data sets and runs of detectors."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -49,7 +49,7 @@ class Material:
         return in_order(scenes, SCENES)
 
     def of_answers(self, rows: pd.DataFrame) -> pd.DataFrame:
-        """Returns the rows of each scene under one preset, the result of `preset_of_answers`.
+        """Returns the rows of one preset per scene, which `preset_of_answers` selects.
 
         rows: a table with the columns scene, preset, lidar and detector.
         """

@@ -31,8 +31,8 @@ ElementTree.register_namespace("xlink", "http://www.w3.org/1999/xlink")
 def inline(figure: Figure, name: str, label: str, dpi: int = 144) -> str:
     """Returns a figure as an svg element with the accessible name `label`.
 
-    name: prefix that makes the ids unique. dpi: resolution of dense point clouds, which are stored
-    as bitmaps.
+    name: prefix that makes the ids unique in a page. dpi: resolution of dense point clouds, which
+    are stored as bitmaps.
     """
     for line in (line for axes in figure.axes for line in axes.lines):
         if np.size(line.get_xdata()) > DENSE:
@@ -100,7 +100,7 @@ def _paint(colour: str) -> str:
 
 
 def _remove_extras(element: ElementTree.Element) -> None:
-    """Removes metadata, styles that the page has, blanks, and groups without attributes."""
+    """Removes metadata, styles that the page sets, blanks, and groups without attributes."""
     if element.tag != f"{SVG}text":
         element.text = None
     children = []
@@ -129,7 +129,7 @@ def _rename_ids(root: ElementTree.Element, prefix: str) -> None:
 
 
 def _short(key: str, value: str) -> str:
-    """Shortens decimals to 0.1 point, finer than a screen; transforms keep three digits."""
+    """Cuts numbers to one decimal place (0.1 point), or to three in a transform."""
     if key not in ("d", "x", "y", "transform", "points"):
         return value
     digits = 3 if key == "transform" else 1

@@ -26,9 +26,10 @@ def write_report(
 ) -> Path:
     """Writes a page, and returns its path.
 
-    results: folder of the tables of a benchmark, or of a plan, whose page has only `out`. sections:
-    module whose list SECTIONS has the functions that write the sections. required: fields of
-    `Requirements`; None is its default. Raises Error for a folder without results.
+    results: folder of the tables of a benchmark, or of a plan; for a plan, no other argument than
+    `out` is allowed. sections: module whose list SECTIONS has the functions that write the
+    sections. required: fields of `Requirements`; None stands for the default of a field. Raises
+    Error for a folder without results.
     """
     check_file(out)
     given = {name: value for name, value in (required or {}).items() if value is not None}

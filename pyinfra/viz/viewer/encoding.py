@@ -27,8 +27,8 @@ def pack_points(view: ViewFrame, most_points: int | None = None) -> dict[str, An
     """Returns the page's JSON data for the points of a frame.
 
     most_points: largest number of points. If a frame has more, a random sample is returned, which
-    is the same in each run. The key `of` of the result is the original number. Raises Error for a
-    frame with more than 65,535 objects.
+    is the same in each run. The key `of` of the result is the number before sampling. Raises Error
+    for a frame with more than 65,535 objects.
     """
     keep = _kept(len(view.points), most_points)
     points = view.points[keep].astype(np.float64)

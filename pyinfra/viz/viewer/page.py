@@ -28,7 +28,7 @@ Views = Mapping[str, Sequence[ViewFrame]]
 
 DRAWN = " Lines on the ground are the road, as far as it is evaluated; brown boxes are buildings."
 LARGEST_MB = 40.0  # maximum size of a page
-LEAST_LETTERS = 1.3  # minimum number of characters that encode a point; 3 to 4 are usual
+LEAST_LETTERS = 1.3  # minimum number of characters that encode one point; 3 to 4 are usual
 ADVICE = "choose fewer `frames`, one `lidar` or a lower `most_points`"
 STANDING = ("buildings", "further_mounts")
 LINE_STEP = 5  # every fifth point along a road is drawn
@@ -93,7 +93,9 @@ def fragment(
     there is no frame, or if the LiDARs have different frames.
     """
     if not re.fullmatch(r"[A-Za-z][\w-]*", element_id, re.ASCII):
-        raise Error(f"element_id: expected a letter, then letters, - or _, got '{element_id}'")
+        raise Error(
+            f"element_id: expected a letter, then letters, digits, - or _, got '{element_id}'"
+        )
     data = json.dumps(_view(views, most_points, around), separators=(",", ":"), allow_nan=False)
     safe = data.replace("<", "\\u003c")
     label = html.escape(f"Interactive 3-D view: {', '.join(views)}")
@@ -142,7 +144,7 @@ def check_size(
 ) -> None:
     """Raises Error if a page of these frames would certainly exceed LARGEST_MB.
 
-    Only the sizes of the files are read. The shortest text of a point is known from experience.
+    Only the sizes of the files are read. The length of a page is estimated from LEAST_LETTERS.
     """
     most, letters = most_points or 2**63, 0.0
     for folder in folders:

@@ -40,8 +40,8 @@ def write_view(
 
     data: data sets or LiDAR folders. lidars, frames, predictions: as in `chosen_folders`,
     `chosen_frames` and `prediction_folders`. rerun: whether the file is a recording for Rerun; by
-    default if its name ends so. Raises Error for an unknown LiDAR or frame, and for a page that
-    would be too large.
+    default, this is so if its name ends in .rrd. Raises Error for an unknown LiDAR or frame, and
+    for a page that would be too large.
     """
     is_recording = out.suffix == RERUN if rerun is None else rerun
     if most_points is not None and most_points < 1:
@@ -83,7 +83,7 @@ def read_views(
 def chosen_folders(data: Sequence[Path], lidars: Sequence[str] | None) -> list[Path]:
     """Returns the LiDAR folders of `data` whose LiDARs are in `lidars`, or all if it is None.
 
-    data: data sets or LiDAR folders. Raises FileNotFoundError for a folder that is neither, and
+    data: data sets or LiDAR folders. Raises FileNotFoundError for any other folder, and
     Error for an unknown LiDAR.
     """
     folders = []
@@ -104,7 +104,7 @@ def chosen_frames(
     """Returns the frames of a folder that `words` selects: numbers, or A, A:B or A:B:STEP.
 
     If `words` is None, the result is the first frame, or the first frame that has predictions.
-    Raises Error if `words` has another form, or selects no frame of the folder.
+    Raises Error if `words` has none of these forms, or selects no frame of the folder.
     """
     present = kitti.frames(folder)
     if words is None:

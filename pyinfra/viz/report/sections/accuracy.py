@@ -30,7 +30,7 @@ Note = Callable[[pd.Series], str]
 
 
 def section(material: Material) -> Section | None:
-    """Returns tables of LiDARs x detectors for each scene and preset, and all experiments."""
+    """Returns an AP table (LiDARs x detectors) per scene and preset, and a table of experiments."""
     experiments = material.results.table("experiments")
     if experiments.empty:
         return None
@@ -40,7 +40,7 @@ def section(material: Material) -> Section | None:
 
 
 def grids(material: Material, done: pd.DataFrame, note: Note = lambda _: "") -> list[Table]:
-    """Returns a table for each scene and preset. note: returns the text below the AP of a row."""
+    """Returns a table for each scene and preset. note: returns the text below a row's AP."""
     return [
         _grid(material, rows, note)
         for preset in ordered(done.preset)

@@ -20,7 +20,7 @@ NOT_SIGNIFICANT = (
     "These results have no bootstrap replicates, so it is not known whether the best option "
     "differs significantly from the next. Run pyinfra benchmark again to compute them."
 )
-CLOSE_AP = 5.0  # maximum AP by which a faster or cheaper choice may be below the best AP
+CLOSE_AP = 5.0  # maximum difference in AP between a faster or cheaper choice and the best AP
 
 Choice = Callable[[Material, pd.DataFrame], CardLine | None]
 
@@ -79,7 +79,7 @@ def _of_purposes(material: Material, done: pd.DataFrame) -> list[Block]:
 
 
 def _overall(material: Material, experiments: pd.DataFrame) -> str:
-    """Returns the LiDAR and detector with the highest mean AP over all scenes in words."""
+    """Returns a text on the LiDAR and detector with the highest mean AP over all scenes."""
     scenes = experiments.scene.nunique()
     rows = pd.concat([_to_compare(rows)[0] for _, rows in experiments.groupby("scene")])
     table = rows.pivot_table(index=["lidar", "detector"], columns="scene", values="compared")
@@ -194,7 +194,7 @@ def _untrained(material: Material, rows: pd.DataFrame) -> CardLine | None:
 
 
 def _to_compare(rows: pd.DataFrame) -> tuple[pd.DataFrame, str]:
-    """Returns the rows with the AP by which `recommend` compares them, and a text on its vehicles.
+    """Returns the rows with the AP by which they are compared, and a text on the AP's vehicles.
 
     The AP is in the columns compared, compared_low and compared_high. If a scene has no AP of the
     whole road, the AP of the vehicles that each LiDAR captured is used.
@@ -238,14 +238,14 @@ def _one_detector(material: Material) -> bool:
 
 
 def _name(material: Material, row: pd.Series) -> str:
-    """Returns the LiDAR, and the detector if there are several."""
+    """Returns the name of the LiDAR, with the detector if there are several detectors."""
     if _one_detector(material):
         return material.names.model(row.lidar)
     return f"{material.names.model(row.lidar)} {with_detector(row.detector)}"
 
 
 def _listed(material: Material, rows: pd.DataFrame, most: int = 2) -> str:
-    """Returns the names of the first rows and the number of the others."""
+    """Returns the names of the first `most` rows and the number of the other rows, as text."""
     names = [_name(material, row) for _, row in rows.head(most).iterrows()]
     if len(rows) > most:
         return f"{', '.join(names)} and {len(rows) - most} more"

@@ -35,7 +35,7 @@ TRUTHS = ("captured", "all")
 
 
 def section(material: Material) -> Section | None:
-    """Returns stacked bars, the plan of the road of each data set, and the table."""
+    """Returns stacked bars of the areas, their positions on plans of the roads, and their table."""
     areas = material.results.table("areas")
     distance = material.results.table("distance")
     if areas.empty:
@@ -158,7 +158,7 @@ def _plan(material: Material, data: DataSet, rows: pd.DataFrame) -> Panel:
 
 
 def _hatch(hatch: str | None) -> str:
-    """Returns the hatch, or none if it has dots, because each dot is a circle in an SVG."""
+    """Returns the hatch, or no hatch if it has dots: each dot would be a circle in the SVG."""
     return "" if hatch is None or "." in hatch else hatch
 
 

@@ -1,4 +1,4 @@
-"""The section of pictures from data sets."""
+"""The section with pictures of the frames and scenes of data sets."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -60,7 +60,7 @@ def frame_of(material: Material, data: DataSet) -> int:
 
 
 def is_of(run: Run, data: DataSet) -> bool:
-    """Returns whether a run used this data set."""
+    """Returns whether a run used a LiDAR of this data set."""
     return (run.scene, run.preset) == (data.scene, data.preset) and run.lidar in data.names
 
 
@@ -74,7 +74,7 @@ def _drawn(figure: Drawing, name: str, label: str, title: str = "") -> Panel:
 
 
 def _patterns(material: Material, data: DataSet) -> list[Block]:
-    """Draws the scan patterns of the LiDARs that have one."""
+    """Draws the scan patterns of the LiDARs that have a scan pattern; recordings have none."""
     patterns = {}
     for folder in folders(material, data):
         if not scan_patterns.has_pattern(folder / "lidar.yaml"):
@@ -123,7 +123,7 @@ def _plan_of_data(data: DataSet) -> Drawing:
 
 
 def _plan_of_package(scene: str) -> Drawing | None:
-    """Draws a scene of this package; returns None for another or without the extension."""
+    """Draws a scene of this package. None: the scene is unknown, or the C++ extension not built."""
     if scene not in shipped("scenes"):
         return None
     try:
@@ -140,7 +140,7 @@ def _plan_of_package(scene: str) -> Drawing | None:
 
 
 def _sheet(material: Material, data_sets: Sequence[DataSet]) -> Block:
-    """Draws each LiDAR of each data set from above."""
+    """Draws one frame of each LiDAR of each data set from above."""
     panels, views = [], []
     for data in data_sets:
         frame = frame_of(material, data)
@@ -192,7 +192,7 @@ def _cutouts(material: Material, data: DataSet) -> Block:
 
 
 def _aggregations(material: Material) -> list[Block]:
-    """Draws the same vehicles under each aggregation, if data sets of several are given."""
+    """Draws the same vehicles under each aggregation, if data sets of several ones are given."""
     groups: dict[tuple[str, str, int], list[DataSet]] = {}
     for data in material.data:
         groups.setdefault((data.scene, data.preset, data.seed), []).append(data)

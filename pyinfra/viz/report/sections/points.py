@@ -38,7 +38,7 @@ def section(material: Material) -> Section | None:
 
 
 def _measured(material: Material) -> tuple[pd.DataFrame, TableFile]:
-    """Returns the table of the results. If it is empty, counts the points in the data sets."""
+    """Returns points per vehicle from the results or, if they have none, from the data sets."""
     table = material.results.table("points")
     exact = [data for data in material.data if data.aggregation == "exact"]
     if len(table) > 0 or not exact:

@@ -46,7 +46,7 @@ def answers(material: Material, scenes: Sequence[str]) -> list[SceneAnswer]:
 
 
 def blocks(material: Material, one: SceneAnswer, *, alone: bool) -> list[Block]:
-    """Returns the options of a scene as a table, and remarks on them, open if it is alone."""
+    """Returns the options of a scene as a table, and remarks on them, which are open if `alone`."""
     remarks = [spelled(material, remark) for remark in one.answer.remarks]
     table = [_table(material, one)] if one.answer.named else []
     return [*table, Remarks(f"Remarks on the options: {one.scene}", remarks, not alone)]

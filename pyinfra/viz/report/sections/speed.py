@@ -103,7 +103,7 @@ def _figure(material: Material, experiments: pd.DataFrame, preset: str, cost: st
 
 
 def _marker(name: str) -> str:
-    """Returns a detector's marker. In this section colours distinguish the LiDARs."""
+    """Returns the marker of a detector. In this section, colours distinguish LiDARs."""
     names = list(DETECTORS)
     return MARKERS[names.index(name)] if name in names else "*"
 

@@ -103,7 +103,7 @@ def curve(table: pd.DataFrame, stressor: str) -> pd.DataFrame:
 
 
 def _start(base: pd.DataFrame, stressed: pd.DataFrame) -> Any:
-    """Returns the severity without stress: all training frames, 1 for a factor, else 0."""
+    """Returns the severity without stress: all training frames, 1 for unit `times`, else 0."""
     if stressed.stressor.iloc[0] == "training_frames" and "trained_frames" in base:
         return pd.to_numeric(base["trained_frames"], errors="coerce")
     return 1.0 if stressed.unit.iloc[0] == "times" else 0.0

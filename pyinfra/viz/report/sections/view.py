@@ -50,7 +50,7 @@ def _view(material: Material, data: DataSet) -> Embed:
 
 
 def _predictions(material: Material, data: DataSet, lidar: str) -> Path | None:
-    """Returns the run whose boxes are shown for a LiDAR."""
+    """Returns the folder of the run whose boxes are shown for a LiDAR, None if there is no run."""
     runs = [run for run in material.runs if is_of(run, data) and run.lidar == lidar]
     order = {name: i for i, name in enumerate(FIRST_RUNS)}
     runs.sort(key=lambda run: (order.get(run.detector, len(order)), run.detector))
