@@ -268,7 +268,7 @@ def test_a_wrong_height_is_refused(site: Path, tmp_path: Path) -> None:
     facts = LidarFacts("pole", "junction", height_m=9)
     with pytest.raises(
         ValueError,
-        match=r"source: height_m: expected a height .* (6\.0|5\.9)\d m, got 9; ",
+        match=r"source: height_m: expected a height .* (6\.0|5\.9)\d m, got 9 m; ",
     ):
         import_recording(source, "bin", tmp_path / "in/pole", facts, Options())
     assert not (tmp_path / "in/pole").exists()

@@ -385,7 +385,7 @@ def test_points_at_road_level_can_be_left_out(tmp_path: Path) -> None:
         assert tables["hit_points"].hit_points.tolist() == [count]
     roads = folder / "roads.csv"
     roads.write_text(roads.read_text() + "m,2,2,0,0.5,0,21\n")
-    with pytest.raises(ValueError, match=r"roads\.csv: expected .*got roads from z = 0 to 0\.5"):
+    with pytest.raises(ValueError, match=r"roads\.csv: expected .*got z from 0 to 0\.5 m"):
         read_observations(data, above_road=True)
 
 
