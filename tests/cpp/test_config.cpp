@@ -607,7 +607,7 @@ TEST(lidar_file, keys_are_checked) {
   expect_lidar_error("{rate_hz: 10, azi", "{rate_hz: .inf, #!\n azi", "pattern.spinning.rate_hz",
                      "expected 5 to 20");
   expect_lidar_error("low: 1, high: 2", "low: 3, high: 2 #!\n", "price_usd.high", "low or more");
-  expect_lidar_error("name: two", "name: a/b #!", "name", "folder");
+  expect_lidar_error("name: two", "name: a/b #!", "name", "without /");
   expect_lidar_error("upper_deg: 1, lower_deg: -1", "upper_deg: -1, lower_deg: 1 #!\n",
                      "pattern.spinning.channels.upper_deg", "above");
   expect_lidar_error("count: 2, upper", "file: a.csv, count: 2, #!\n upper",

@@ -258,7 +258,7 @@ TEST_F(SiteFiles, WrongLanesAreNamedWithTheirLine) {
       {head + "a,0,0,0,3\na,9,0,0,3\nb,0,0,0,3\nb,9,0,0,3\na,0,5,0,3\n", "got lane 'a' again"},
       {head + "a,900,0,0,3\na,990,0,0,3\n", "expected a lane within 100 m of the mount, got none"},
       {head + "a,0,0,0,3\na,200,0,0,3\na,200,9,0,3\na,0,9,0,3\na_2,0,3,0,3\na_2,9,3,0,3\n",
-       "got a second 'a_2' in the region"},
+       "got 'a_2' twice"},
   };
   for (const auto& [text, expected] : wrong) {
     write("lanes.csv", text);

@@ -277,7 +277,7 @@ TEST(trajectory_file, what_is_no_number_is_an_error) {
 }
 
 TEST(trajectory_file, starts_at_0_and_steps_by_a_tenth_of_a_second) {
-  expect_error(row("0.1", 1, "0") + row("0.2", 1, "0"), 2, "t", "start");
+  expect_error(row("0.1", 1, "0") + row("0.2", 1, "0"), 2, "t", "got a later time");
   expect_error(row("0", 1, "0") + row("0.2", 1, "1"), 3, "id", "0.1 s");
   expect_error(row("0", 1, "0") + row("0.05", 1, "0"), 3, "t", "0.1 s");
   expect_error(row("0", 1, "0"), 2, "t", "two");
@@ -286,8 +286,8 @@ TEST(trajectory_file, starts_at_0_and_steps_by_a_tenth_of_a_second) {
 TEST(trajectory_file, a_row_of_its_time_alone_says_that_nobody_is_there) {
   const std::string nobody = ",,,,,,,,,,\n";
   EXPECT_EQ(read(kHeader + "0" + nobody + row("0.3", 1, "0") + "0.5" + nobody).rows.size(), 6U);
-  expect_error("0,,Car,,,,,,,,\n", 2, "id", "expected a number, got ''");
-  expect_error("0.5" + nobody + row("0.6", 1, "0"), 2, "t", "start");
+  expect_error("0,,Car,,,,,,,,\n", 2, "id", "expected a number, got an empty cell");
+  expect_error("0.5" + nobody + row("0.6", 1, "0"), 2, "t", "got a later time");
 }
 
 TEST(trajectory_file, needs_its_header) {
