@@ -76,9 +76,9 @@ def integration() -> str:
     last = [change(speed, "newest") for speed in (20, 62)]
     none = known(not any(c.low > 0 for c in last), "no significant gain")
     return (
-        "With the Avia, merging the frames of 0.5 s into one cloud "
-        f"{slow} if vehicles drive at 20 km/h, and {fast} at 62 km/h. These clouds have the label "
-        "of their middle frame, so boxes are available only after the later frames. With the label "
+        f"With the Avia, merging the frames of 0.5 s into one cloud {slow} if vehicles drive at 20 "
+        f"km/h. If vehicles drive at 62 km/h, the merging {fast}. These clouds have the label of "
+        "their middle frame, so boxes are available only after the later frames. With the label "
         f"of the last frame, which a detector in real time needs, such clouds give {none}."
     )
 
