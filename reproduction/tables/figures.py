@@ -11,6 +11,7 @@ import matplotlib as mpl
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from pyinfra.core.files import replacing
 from pyinfra.experiments.stress.stressors import NONE
@@ -301,20 +302,26 @@ FIGURES: dict[str, Picture] = {  # figures by the name of their file in docs/pic
 }
 
 
-def digest(rows: pd.DataFrame) -> str:
-    return hashlib.sha256(rows.to_csv(index=False, float_format="%.5g").encode()).hexdigest()[:16]
+def drawn(name: str) -> tuple[Figure, str]:
+    """Returns a figure, and a digest of its rows and texts."""
+    rows = FIGURES[name].rows()
+    figure = FIGURES[name].draw(rows)
+    texts = [text.get_text() for text in figure.findobj(Text) if isinstance(text, Text)]
+    shown = rows.to_csv(index=False, float_format="%.5g") + "\n".join(texts)
+    return figure, hashlib.sha256(shown.encode()).hexdigest()[:16]
 
 
 def is_current(name: str, folder: Path) -> bool:
-    """Returns whether the file of a figure shows the present rows."""
+    """Returns whether the file of a figure shows the present rows and texts."""
     file = folder / f"{name}.svg"
-    return file.is_file() and digest(FIGURES[name].rows()) in file.read_text(encoding="utf-8")
+    with mpl.rc_context({**STYLE, **SVG}):
+        _, digest = drawn(name)
+    return file.is_file() and digest in file.read_text(encoding="utf-8")
 
 
 def write(name: str, folder: Path) -> None:
-    """Draws a figure. The digest of its rows is in the file, so that a stale file is found."""
-    rows = FIGURES[name].rows()
+    """Draws a figure. Its digest is in the file, so that a file that is out of date is found."""
     folder.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context({**STYLE, **SVG}), replacing(folder / f"{name}.svg") as beside:
-        figure = FIGURES[name].draw(rows)
-        figure.savefig(beside, format="svg", metadata={"Date": None, "Identifier": digest(rows)})
+        figure, digest = drawn(name)
+        figure.savefig(beside, format="svg", metadata={"Date": None, "Identifier": digest})

@@ -4,6 +4,8 @@ parser."""
 import re
 import tomllib
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import doc_pages
@@ -208,6 +210,13 @@ def test_figures_of_the_pages_show_the_present_results() -> None:
     assert {file.stem for file in tables.PICTURES.iterdir()} == names
     pages = "".join(page.read_text() for page in tables.PAGES)
     assert set(re.findall(r"pictures/results/(\w+)\.svg", pages)) == names
+
+
+def test_a_figure_with_another_label_is_out_of_date(monkeypatch: pytest.MonkeyPatch) -> None:
+    picture = figures.FIGURES["comparable"]
+    draw = partial(figures.draw_intervals, label="another label", holds=(-3.0, 3.0))
+    monkeypatch.setitem(figures.FIGURES, "comparable", replace(picture, draw=draw))
+    assert not figures.is_current("comparable", tables.PICTURES)
 
 
 def test_the_first_screen_of_the_readme_is_short() -> None:
