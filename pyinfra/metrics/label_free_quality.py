@@ -68,12 +68,12 @@ class Trust:
     frames: int
     faulty_frames: int  # number of frames with a fault of the sensor
     boxes_per_frame: float  # mean number of boxes in frames without a fault
-    confirmed_share: float  # share of boxes that moving points confirm
-    recall: float  # share of travelling clusters that a box finds
+    confirmed_share: float  # share of boxes with moving points
+    recall: float  # share of travelling clusters that lie in a box
     travelling_per_frame: float  # mean number of travelling clusters in frames without a fault
     off_region_share: float  # share of boxes outside the region; NaN if no region is known
     flicker_share: float  # share of boxes that flicker, in frames with a previous and a next frame
-    standing_share: float  # share of boxes that stand, such as boxes on hedges
+    standing_share: float  # share of boxes that do not move, such as boxes on hedges
 
 
 COLUMNS = tuple(field.name for field in fields(Trust))

@@ -78,6 +78,6 @@ class Settings:
 
     @property
     def types(self) -> list[str]:
-        """The distinct names of vehicles and predictions that are evaluated."""
+        """The distinct class names of the evaluated vehicles and predictions."""
         names = (t for name, types in self.classes.items() for t in (*types, name))
         return list(dict.fromkeys(names))

@@ -61,7 +61,7 @@ def passages(tracks: pd.DataFrame, lines: Sequence[Line]) -> pd.DataFrame:
 
 
 def _unseen(rows: pd.DataFrame) -> BoolArray:
-    """Returns whether the step from each row (n,) to the next one is within a gap without boxes.
+    """Returns for each row, (n,), whether the time to the next row is in a gap without boxes.
 
     rows: ordered by id and time. A gap is longer than UNSEEN_S, or has no box at one of its ends.
     """

@@ -59,7 +59,7 @@ class Clock:
         return run
 
     def frame(self, detector: Detector, points: Points) -> None:
-        """Records the times of a frame. BOXES has the time that no other part has."""
+        """Records the times of a frame. BOXES has the time outside all other parts."""
         self.of_frame.clear()
         started = time.perf_counter()
         detector.predict(points)

@@ -72,14 +72,17 @@ def integration() -> str:
         (stack,) = (s for s in of_seeds if s != stacked.SINGLE and s[1] == label_at)
         return stacked.change(of_seeds, stack)
 
-    slow, fast = (_effect(change(speed, "middle")) for speed in (20, 62))
-    last = [change(speed, "newest") for speed in (20, 62)]
-    none = known(not any(c.low > 0 for c in last), "no significant gain")
+    def effects(label_at: str) -> str:
+        slow, fast = (_effect(change(speed, label_at)) for speed in (20, 62))
+        if slow == fast:
+            return f"{slow} at 20 km/h or at 62 km/h"
+        return f"{slow} at 20 km/h, and {fast} at 62 km/h"
+
     return (
-        f"With the Avia, merging the frames of 0.5 s into one cloud {slow} if vehicles drive at 20 "
-        f"km/h. If vehicles drive at 62 km/h, the merging {fast}. These clouds have the label of "
-        "their middle frame, so boxes are available only after the later frames. With the label "
-        f"of the last frame, which a detector in real time needs, such clouds give {none}."
+        f"With the Avia, merging the frames of 0.5 s into one cloud {effects('middle')}, if the "
+        "cloud has the label of its middle frame. Boxes are then available only after the later "
+        "frames. With the label of the last frame, which real-time detection needs, the merging "
+        f"{effects('newest')}."
     )
 
 

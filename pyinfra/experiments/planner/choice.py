@@ -218,7 +218,9 @@ def allowed_pairs(units: Units, request: Request) -> tuple[IntArray, IntArray, F
 
 
 def pair_prices(units: Units, same: BoolArray) -> FloatArray:
-    """Returns the middle price of each pair of units: (n, n). same: whether the two share a pole.
+    """Returns the middle of the price range of each pair of units, (n, n).
+
+    same: whether the two units are on one pole, (n, n).
 
     Pairs of the same LiDARs on new or existing poles have the same price.
     """

@@ -170,7 +170,7 @@ def samples_of(
     frames: list[int],
     classes: tuple[ObjectClass, ...] = VEHICLES,
 ) -> list[SiteSample]:
-    """Returns samples of a LiDAR at a site, with z above the road.
+    """Returns the training frames of a LiDAR at a site. z is the height above the road.
 
     Raises the errors of the simulator.
     """

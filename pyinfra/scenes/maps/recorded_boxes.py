@@ -231,8 +231,8 @@ def _tracks(
         if len(back):
             line = rows[back[0] + 1] + 2
             raise FormatError(
-                f"{file}:{line}: t: expected ascending times, got {times[rows[back[0] + 1]]:g} "
-                f"after {times[rows[back[0]]]:g} of object '{names[i]}'"
+                f"{file}:{line}: t: expected ascending times of object '{names[i]}', "
+                f"got {times[rows[back[0] + 1]]:g} after {times[rows[back[0]]]:g}"
             )
         if len(set(classes[rows])) > 1:
             raise FormatError(
