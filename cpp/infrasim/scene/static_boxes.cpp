@@ -26,9 +26,7 @@ std::vector<StaticBox> static_boxes(const SceneConfig& scene, std::span<const Cu
   for (const GantryConfig& g : scene.gantries) {
     const auto [road, curve] = road_named(scene, centrelines, g.road, g.place);
     if (g.s_m > curve.length())
-      config::fail(g.place, "s_m",
-                   "expected at most the length of the road, " +
-                       config::number_text(curve.length()) + ", got " + config::number_text(g.s_m));
+      config::fail(g.place, "s_m", "expected a value up to the road's end, got one beyond");
     const CurvePoint foot = curve.at(g.s_m);
     const double leg = carriageway_half_width(road.lanes) + kLegGap;
     const double z = road.elevation_m;
