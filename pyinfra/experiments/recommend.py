@@ -187,7 +187,7 @@ def latency_note(options: Iterable[Option]) -> str:
 def too_slow(
     options: Sequence[Option], slow: pd.DataFrame, requirements: Requirements
 ) -> Iterator[str]:
-    """Yields a remark for each option that meets the budget and the minimum AP, but not the maximum latency."""
+    """Yields a remark for each option that meets budget and minimum AP, but not the latency."""
     for i, row in slow.iterrows():
         problem = "not timed" if math.isnan(row.latency_ms) else "too slow"
         text = sentence(options[int(i)], requirements)

@@ -42,8 +42,8 @@ def echoes(**keys: object) -> Keys:
     return {"echoes": keys}
 
 
-# For each compared model: the LiDAR keys that it changes, and the LiDARs to which it applies. `None`
-# removes a section.
+# For each compared model: the LiDAR keys that it changes, and the LiDARs to which it applies.
+# `None` removes a section.
 RUNGS: dict[str, tuple[Keys, tuple[str, ...]]] = {
     "one ray": ({"beam": None}, FOUR),
     "assumed beams of 0.05 degrees": (beam(0.05), ASSUMED_BEAM[:3]),

@@ -85,7 +85,7 @@ def fit_runs(sites: int) -> Iterator[Run]:
 
 
 def check_runs(sites: int) -> Iterator[Run]:
-    """Yields CHECK_POSES poses with one LiDAR for each site: first without a detector, then with one."""
+    """Yields CHECK_POSES poses with one LiDAR per site: without a detector, then with one."""
     for i in range(sites):
         for seed in (0, *CHECK_SEEDS):
             for k in range(CHECK_POSES):

@@ -58,7 +58,7 @@ def open_viewer(recording: Path) -> None:
     code = subprocess.run(words, check=False).returncode
     if code != 0:
         raise Error(
-            f"{recording}: the recording was written, but Rerun's viewer ended with exit code {code}"
+            f"{recording} was written, but Rerun's viewer ended with exit code {code}"
         )
 
 
