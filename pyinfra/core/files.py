@@ -106,20 +106,18 @@ def check_size(file: Path, most: int) -> None:
 
 def _target_of(file: Path) -> Path:
     """Returns the path to which symbolic links lead. Raises OSError for a loop of links."""
-    if not file.is_symlink():
-        return file
-    target = Path(os.path.realpath(file))
-    if target.is_symlink():
-        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(file))
-    return target
+    return resolved(file) if file.is_symlink() else file
 
 
 def resolved(path: Path) -> Path:
     """Returns the absolute path without symbolic links. Raises OSError for a loop of links."""
+    target = Path(os.path.realpath(path))
     try:
-        return path.resolve()
-    except RuntimeError:  # raised for a loop of links by Python before 3.13
-        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path)) from None
+        target.stat()
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise
+    return target
 
 
 def check_output(file: Path, begins: bytes) -> None:
