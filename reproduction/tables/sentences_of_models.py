@@ -79,10 +79,10 @@ def integration() -> str:
         return f"{slow} at 20 km/h, and {fast} at 62 km/h"
 
     return (
-        f"With the Avia, merging the frames of 0.5 s into one cloud {effects('middle')}, if the "
-        "cloud has the label of its middle frame. Boxes are then available only after the later "
-        "frames. With the label of the last frame, which real-time detection needs, the merging "
-        f"{effects('newest')}."
+        "The frames of 0.5 s of the Avia are merged into one cloud with one label. With the label "
+        f"of the middle frame, the merging {effects('middle')}. Boxes are then available only "
+        "after the later frames. Real-time detection needs the label of the last frame. With this "
+        f"label, the merging {effects('newest')}."
     )
 
 

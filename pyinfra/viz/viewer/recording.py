@@ -57,9 +57,7 @@ def open_viewer(recording: Path) -> None:
     words = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--port", "auto", str(recording)]
     code = subprocess.run(words, check=False).returncode
     if code != 0:
-        raise Error(
-            f"{recording} was written, but Rerun's viewer ended with exit code {code}"
-        )
+        raise Error(f"{recording} was written, but Rerun's viewer ended with exit code {code}")
 
 
 def _log(recording: Any, path: list[str], view: ViewFrame) -> None:
