@@ -1,5 +1,6 @@
 """Typical mistakes of users give the exit code 2 and a message that helps. Nothing is simulated."""
 
+import argparse
 import shutil
 from pathlib import Path
 
@@ -29,8 +30,6 @@ MISTAKES = {
         ["--scene", "did you mean 'highway'?"]),
     "pretrained detector with a typing error": ("detect data/site/pole --model generalst --out o",
         ["--model", "did you mean 'generalist'"]),
-    "arguments behind the options": ("train background --tier quick data/site/pole --out o",
-        ["before the options", "'data/site/pole'"]),
     "output forgotten": ("report results", ["--out"]),
     "boxes without a folder": ("detect data/site/pole", ["--out: expected a folder"]),
     # numbers and their units
@@ -142,3 +141,23 @@ def test_missing_data_are_named_before_what_they_would_need(
 def test_an_amount_of_money_may_be_written_in_several_ways(command: str, text: str) -> None:
     words = [*command.split(), "--budget", text]
     assert main.make_parser(words).parse_args(words).budget_usd == 9000
+
+
+def test_arguments_may_stand_behind_the_options_if_argparse_accepts_them(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    # Since Python 3.13, argparse reads optional arguments without a name wherever they stand.
+    probe = argparse.ArgumentParser()
+    probe.add_argument("config")
+    probe.add_argument("data", nargs="*")
+    probe.add_argument("--out")
+    _, refused = probe.parse_known_args(["background", "--out", "o", "data/site/pole"])
+    words = ["train", "background", "--out", "o", "data/site/pole"]
+    if refused:
+        with pytest.raises(SystemExit):
+            main.make_parser(words).parse_args(words)
+        error = capsys.readouterr().err
+        assert "'data/site/pole'" in error
+        assert "before the options" in error
+    else:
+        assert main.make_parser(words).parse_args(words).data == [Path("data/site/pole")]
