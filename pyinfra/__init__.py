@@ -188,7 +188,7 @@ __all__ = [
 
 
 def _check_no_namesake() -> None:
-    """Raises ImportError if the `pyinfra` of PyPI shares this folder, and warns if it is elsewhere.
+    """Raises ImportError if PyPI's package `pyinfra` is in this folder; warns if it is in another.
 
     That package, a tool for servers, has the same import name. Its folder `operations` shows it.
     """

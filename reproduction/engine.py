@@ -40,14 +40,14 @@ RECORD = "steps.csv"  # file that records the steps that were run, and their tim
 CODE = ("bindings", "benchmarks", "configs", "cpp", "pyinfra", "reproduction")
 MODEL = ROOT / "pyinfra/models/generalist.safetensors"
 TOY_CPU_H = 0.01  # assumed CPU time of a step at a toy size
-# Versions of the results of commands, or scripts; 1 for the others. Raise the version of a command
-# with every change that alters its results.
+# Versions of the results of commands and scripts; 1 for those not listed. Raise the version of a
+# command with every change that alters its results.
 VERSIONS = {"plan_coverage": 3, "plans": 2, "verdicts": 2}
 
 
 @dataclass(frozen=True)
 class Command:
-    """A command, and how it is split.
+    """A command, and how it is split into parts.
 
     words: words after `python -m reproduction`, or a script of benchmarks/ and its words. A name in
     braces is the path of a file of results/ that the command reads.
@@ -103,7 +103,7 @@ class Places:
 
 @dataclass(frozen=True)
 class Part:
-    """A command that runs alone; the rows of its files are in `folder`.
+    """A command with one value of each split option; the rows of its files are in `folder`.
 
     words: all words of the command but --work and --out; kept: folder of results/ for a copy of the
     rows until the file is complete; arguments: the command line
@@ -232,7 +232,7 @@ def run_part(part: Part) -> None:
 
 
 def copy_rows(source: Path, target: Path) -> None:
-    """Copies the files of a finished part. The file that says that it is finished comes last."""
+    """Copies the files of a finished part; done.json, which marks it as finished, comes last."""
     target.mkdir(parents=True, exist_ok=True)
     for file in [*source.glob("*.csv"), source / "done.json"]:
         write(target / file.name, file.read_bytes())
@@ -245,7 +245,7 @@ def restore(part: Part) -> None:
 
 
 def recorded(places: Places) -> pd.DataFrame:
-    """Returns the table of what was run, empty if there is none."""
+    """Returns the table of the parts that were run; empty if there is no file."""
     file = places.results / RECORD
     columns = ["step", "command", "key", "cpu_s", "wall_s", "version", "machine"]
     return pd.read_csv(file) if file.is_file() else pd.DataFrame(columns=columns)
@@ -260,7 +260,7 @@ def is_current(step: Step, parts: Sequence[Part], places: Places) -> bool:
 
 
 def assemble(step: Step, parts: Sequence[Part], places: Places) -> None:
-    """Writes the files of a step from the rows of its parts, and records what they took."""
+    """Writes the files of a step from the rows of its parts, and records their times."""
     places.results.mkdir(parents=True, exist_ok=True)
     read = partial(pd.read_csv, dtype=str, keep_default_na=False)
     for file in step.files:
@@ -280,7 +280,7 @@ def assemble(step: Step, parts: Sequence[Part], places: Places) -> None:
 
 
 def levels(steps: Sequence[Step], wanted: Sequence[str]) -> Iterator[list[Step]]:
-    """Yields lists of steps: those of a list read files of earlier lists only.
+    """Yields lists of steps. A step reads only files that steps of earlier lists make.
 
     wanted: files of results/; all steps if empty. Steps that make the files they read come first.
     Raises Error for a file that no step makes.

@@ -1,4 +1,4 @@
-"""The number of the frames on which recorded tables rest (`frames_version`)."""
+"""The version of the frames from which recorded tables were measured (`frames_version`)."""
 
 import pandas as pd
 
@@ -10,9 +10,9 @@ VERSIONS = {3: "0.4", 4: "0.5"}  # last version of the package with each frames_
 
 
 def number_of(table: pd.DataFrame, name: str) -> int:
-    """Returns the number of the frames on which all rows of a table rest.
+    """Returns the `frames_version` of the frames from which all rows of a table were measured.
 
-    name: name of the table in messages. Raises Error if the rows rest on frames of several numbers.
+    name: name of the table in messages. Raises Error if rows have different values.
     """
     if COLUMN not in table:
         return FIRST
@@ -21,15 +21,15 @@ def number_of(table: pd.DataFrame, name: str) -> int:
         listed = " and ".join(map(str, numbers))
         raise Error(
             f"{name}: {COLUMN}: expected the same value in all rows, got {listed}; measure the "
-            f"rows with {numbers[0]} again"
+            f"rows with {COLUMN} {numbers[0]} again"
         )
     return numbers[0] if numbers else FIRST
 
 
 def common_number(numbers: dict[str, int]) -> int:
-    """Returns the number that all tables of a page's table share, by name of the table.
+    """Returns the `frames_version` that all tables share. numbers: by name of the table.
 
-    Raises Error if the tables rest on frames of several numbers.
+    Raises Error if the tables have different values.
     """
     if len(set(numbers.values())) > 1:
         each = ", ".join(f"{name} {number}" for name, number in sorted(numbers.items()))
@@ -41,5 +41,6 @@ def common_number(numbers: dict[str, int]) -> int:
 
 
 def sentence(number: int) -> str:
-    """Returns the sentence that names the frames on which a table rests."""
-    return f"Measured on frames of simulator version {VERSIONS[number]} (`{COLUMN}` {number})."
+    """Returns the sentence that names the `frames_version` of a table."""
+    simulator = f"simulator version {VERSIONS[number]} (`{COLUMN}` {number})"
+    return f"The frames are from {simulator}."

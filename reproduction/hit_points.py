@@ -1,4 +1,4 @@
-"""Compares simulated hit points per frame with the paper's values.
+"""Compares the simulated numbers of hit points per frame with those of the paper.
 
 The paper's values are means over 5,000 frames. Here only every 25th frame is simulated.
 """
@@ -19,7 +19,7 @@ Progress = Callable[[str], object]
 
 
 def compare(simulated: pd.DataFrame, paper: pd.DataFrame) -> pd.DataFrame:
-    """Returns one row per row of `simulated`, in the same order.
+    """Compares simulated hit points with the paper's, in the order of `simulated`.
 
     An error is hits / paper - 1. It is NaN if the paper has no value.
 

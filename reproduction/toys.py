@@ -1,4 +1,4 @@
-"""Words of the steps at a toy size, for trials of the engine. NAME=VALUE replaces a constant."""
+"""Commands of the steps at a toy size, to try the engine. NAME=VALUE replaces a constant."""
 
 TOYS = {
     "experiments.csv": (

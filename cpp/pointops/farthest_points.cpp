@@ -20,7 +20,7 @@ using Point = std::array<float, 3>;
 // loops
 constexpr std::size_t kGroup = 128;
 
-/// Points in groups of neighbours, with their distance to the chosen points.
+/// The input points in groups of neighbours, each with its distance to the nearest chosen point.
 struct Groups {
   std::array<std::vector<float>, 3> xyz;
   std::vector<std::int64_t> rows;   ///< rows of the caller's points

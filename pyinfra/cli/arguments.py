@@ -7,6 +7,6 @@ from typing import Any
 
 
 def arguments_of(function: Callable[..., Any], args: argparse.Namespace) -> dict[str, Any]:
-    """Returns the options of a command line whose names are arguments of a function."""
+    """Returns those options of a command line that are arguments of a function, by name."""
     names = inspect.signature(function).parameters
     return {name: value for name, value in vars(args).items() if name in names}

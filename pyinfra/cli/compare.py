@@ -62,7 +62,7 @@ def table_text(table: pd.DataFrame, which: str) -> str:
     seeds, frames = int(table.seeds.iloc[0]), int(table.frames.iloc[0])
     seeded = f"{seeds} seeds of the traffic" if seeds > 1 else "one seed of the traffic"
     how = "Student's t over the seeds" if seeds > 1 else "a bootstrap over blocks of time"
-    lines = [f"ground truth {which}, {seeded}, {frames} frames a place; 95 % intervals by {how}"]
+    lines = [f"ground truth {which}, {seeded}, {frames} frames per place; 95 % intervals by {how}"]
     wide = max(len(_name(row)) for row in table.itertuples())
     titles = dict.fromkeys(table.measure)
     lines.append(" " * wide + "".join(f"  {SHOWN[name]:<20}" for name in titles).rstrip())

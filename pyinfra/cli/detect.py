@@ -333,7 +333,7 @@ def _print_summary(result: FolderDetections, threads: int, load: OtherLoad, to: 
     low, high = np.percentile(result.times_ms, PERCENTILES)
     print(
         f"{len(boxes)} frames, {sum(map(len, boxes))} boxes ({likely} with a score of {LIKELY} or "
-        f"more), {low:.1f} ms a frame (median), {high:.1f} ms (95 %), "
+        f"more), {low:.1f} ms a frame (median), {high:.1f} ms (95th percentile), "
         f"{threads} thread{'s'[: threads > 1]}; input: {result.inputs}; {load.text}",
         file=to,
     )

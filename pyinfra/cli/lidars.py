@@ -63,7 +63,9 @@ def run(args: argparse.Namespace) -> int:
         table = read_beam_table(args.from_table)
         beside = write_lidar_file(table, args.out)
         count = f"{len(table.rays)} rays" if table.rays else f"{len(table.beams)} beams"
-        print(f"{args.out}, {beside}: {count} of {table.maker}; replace the price and the range")
+        print(
+            f"{args.out}, {beside}: {count} of {table.maker}; replace the example price and range"
+        )
         files.append(args.out)
     sheets = [read_sheet(f, args.preset) for f in files] or read_catalogue(args.preset)
     print(as_json(sheets) if args.json else "\n".join(lines(sheets)))

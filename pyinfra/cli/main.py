@@ -160,7 +160,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def print_completion(words: Sequence[str]) -> int:
-    """Prints the script of `--completion SHELL`, an option without a subcommand."""
+    """Prints the script of `--completion SHELL`, which needs no subcommand."""
     shell = words[0].partition("=")[2] or "".join(words[1:2])
     print(completion_script(make_parser([], whole=True), shell))
     return 0

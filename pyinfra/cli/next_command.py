@@ -32,7 +32,7 @@ def next_command(command: str, args: argparse.Namespace) -> str:
 
 
 def _filled(word: str, args: argparse.Namespace) -> str:
-    """Returns a word of a template with the values of a command line; paths are normalised."""
+    """Fills in a word of a template, such as `{out}`, from a command line; normalises paths."""
     text = word.format_map(vars(args))
     return str(Path(text)) if "/" in word else text
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 
 def numbers(names: str) -> Callable[[str], tuple[float, ...]]:
-    """Returns a function that parses a text of numbers with commas between them.
+    """Returns a function that parses numbers with commas between them, one for each of `names`.
 
     names: names of the numbers for messages, such as `X,Y`. The text must have one number for each
     name.

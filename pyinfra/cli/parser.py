@@ -140,12 +140,12 @@ def usage(description: str | None, epilog: str, *arguments: Add) -> Add:
 
 
 def argument(*names: str, **keywords: Any) -> Add:
-    """Returns a function that adds an argument. names, keywords: those of `add_argument`."""
+    """Returns a function that adds an argument to a parser; it calls `add_argument`."""
     return lambda parser: parser.add_argument(*names, **keywords)
 
 
 def group(title: str, *arguments: Add) -> Add:
-    """Returns a function that adds arguments below a title of their own."""
+    """Returns a function that adds a group of arguments with a title to a parser."""
     return lambda parser: _add_all(parser.add_argument_group(title), arguments)
 
 

@@ -64,7 +64,7 @@ def checked_call(
 
 
 def _field_of(word: str, function: Callable[..., Any]) -> str:
-    """Returns a hint if a word, or its plural, is a field of a function's settings; else nothing.
+    """Returns a hint if a word, or its plural, is a field of a function's settings; else "".
 
     Settings are records that can be made without arguments.
     """
@@ -244,7 +244,7 @@ def _whole(value: Any) -> int:
 
 def _number(value: Any) -> int | float:
     is_number = isinstance(value, numbers.Real) and not isinstance(value, bool)
-    if not is_number:  # NaN passes; the called function rejects NaN and says what it expects
+    if not is_number:  # NaN is a number here; the called function checks it
         raise _NoMatch("a number")
     return int(value) if isinstance(value, numbers.Integral) else float(value)
 

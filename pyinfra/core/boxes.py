@@ -119,9 +119,9 @@ def pair_bev_overlap(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def centres_within_reach(a: FloatArray, b: FloatArray) -> BoolArray:
-    """Returns whether the circumscribed circles of the footprints meet. Rows of a and b broadcast.
+    """Returns whether the circumscribed circles of the footprints of boxes a and b meet.
 
-    Where the result is False, the footprints neither touch nor overlap.
+    Where the result is False, the footprints neither touch nor overlap. Rows of a and b broadcast.
     """
     apart = (a[..., 0] - b[..., 0]) ** 2 + (a[..., 1] - b[..., 1]) ** 2
     reach = _half_diagonal(a) + _half_diagonal(b)

@@ -30,7 +30,7 @@ _MOST_VALUES = 1_000_000  # maximum number of values in a file, with aliases exp
 MOST_BYTES = 64 << 20  # maximum size of a file, in bytes
 # PyYAML raises these exceptions for some values that have no Python equivalent.
 NO_VALUE = (ValueError, LookupError, AttributeError, ArithmeticError)
-_MOST_LETTERS = 60  # a message shows at most this many letters of a value
+_MOST_LETTERS = 60  # a message shows at most this many characters of a value
 
 
 # A run or result row is identified by its configuration, written with the key names of version
@@ -131,7 +131,7 @@ def _values_of(node: Any, known: dict[int, int]) -> int:
     yaml.MarkedYAMLError for too many values, or if a node has an alias to itself.
     """
     if id(node) in known and known[id(node)] == 0:
-        problem = "expected no value with an alias to itself, got one"
+        problem = "expected no alias to a value that contains this alias, got one"
         raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
     if id(node) not in known:
         known[id(node)] = 0
@@ -159,7 +159,8 @@ def as_plain(value: Any) -> Any:
 def canonical(value: Any) -> Any:
     """Converts like `as_plain`, but with the key names that identify runs and rows.
 
-    These are the names of version 0.3. Keys in LATER that have their default value are left out.
+    These key names are those of version 0.3. Keys in LATER are left out if they have their default
+    value.
     """
     if isinstance(value, (tuple, list)):
         return [canonical(item) for item in value]
@@ -205,7 +206,7 @@ class _Location:
 
 @dataclass(frozen=True)
 class Part:
-    """A section of a file. Its dataclass is known only after the rest of the file is read."""
+    """A section of a file, which is read later, because the rest of the file sets its dataclass."""
 
     location: _Location | None = None  # place of the section; None if the file has no such section
 

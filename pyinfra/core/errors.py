@@ -61,7 +61,7 @@ def check_exists(path: Path) -> None:
 
 
 def refuse(*faults: tuple[object, str]) -> None:
-    """Raises Error with the text of the first fault whose condition holds.
+    """Raises Error with the text of the first fault (condition, text) whose condition is true.
 
     All conditions and texts are evaluated before the first check, so they must be cheap and valid.
     """

@@ -62,10 +62,10 @@ def _expect_regular(file: Path) -> None:
 
 @contextmanager
 def regular_files_only(within: Iterable[Path] = (Path("/"),)) -> Iterator[None]:
-    """Refuses to open FIFOs, devices and sockets by their path in the block.
+    """Context manager in which opening a FIFO, a device or a socket by its path raises Error.
 
-    A read of them may never end. The check covers each `open` of Python and of packages that use
-    it, in all threads of this process only; it raises Error. The null device can be opened.
+    Reading such a file may never end. The check covers each `open` in all threads of this process,
+    by Python and by packages that use Python's `open`. The null device can be opened.
     within: files and folders; only these files, and files in these folders, are checked. For the
     folder of a LiDAR, files in its data set are checked too.
     """
@@ -218,9 +218,10 @@ def naming(path: Path, beside: Path | None = None) -> Iterator[None]:
 
 @contextmanager
 def alone(folder: Path) -> Iterator[None]:
-    """Lets no other process of this machine enter a block for the same folder.
+    """Context manager that keeps other processes of this machine from writing to the same folder.
 
-    Raises Error if another process is in such a block. The lock file is not in the folder.
+    Raises Error if another process is in such a block for this folder. The lock file is not in the
+    folder.
     """
     name = sha256(str(resolved(folder)).encode()).hexdigest()[:24]
     locks = Path(tempfile.gettempdir()) / f"pyinfra_locks_{os.getuid()}"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 _TIMES = Path("/proc/stat")
 _IDLE = (3, 4)  # columns of idle time in /proc/stat: idle, iowait
-_COLUMNS = 8  # number of columns that are used; they include the guest time of later columns
+_COLUMNS = 8  # columns that are added up; they include the guest time, which later columns repeat
 
 
 @dataclass

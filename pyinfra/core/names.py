@@ -19,7 +19,7 @@ def path_of(value: object, argument: str) -> Path:
 
 
 def check_utf8(text: str, argument: str) -> None:
-    """Raises Error for a text with bytes that are not UTF-8, which files and pages cannot have."""
+    """Raises Error for a text that cannot be written to a file or a page in UTF-8."""
     try:
         text.encode()
     except UnicodeEncodeError:

@@ -9,7 +9,7 @@ class Presented(ABC):
 
     @abstractmethod
     def facts(self) -> dict[str, object]:
-        """Returns the names and the short values that are shown."""
+        """Returns the properties of the object to show: a short value for each name."""
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({', '.join(f'{k}={v}' for k, v in self.facts().items())})"
@@ -23,5 +23,5 @@ class Presented(ABC):
 
 
 def extent_of(numbers: range | tuple[int, ...]) -> str:
-    """Returns the number of frames with the first and the last, such as `20 (0 to 190)`."""
+    """Returns the number of frames, and the first and last frame number: `20 (0 to 190)`."""
     return f"{len(numbers)} ({numbers[0]} to {numbers[-1]})" if numbers else "0"

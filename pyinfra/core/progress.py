@@ -10,7 +10,7 @@ from typing import TypeVar
 Item = TypeVar("Item")
 
 DELAY_S = 2.0  # a loop that takes less time shows no progress
-LINE_S = 30.0  # least time between two lines of a loop
+LINE_S = 30.0  # minimum time between two lines of progress
 
 
 def is_shown() -> bool:

@@ -61,7 +61,7 @@ def _checked(function: F, ranges: dict[str, Range]) -> F:
 
 
 def _paths(given: dict[str, Any]) -> Iterator[tuple[str, Path]]:
-    """Returns the name and path of each path argument, the longest path first.
+    """Returns the argument name and the path of each path argument, the longest path first.
 
     Paths in lists are included.
     """

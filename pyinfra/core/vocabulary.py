@@ -1,8 +1,8 @@
-"""Names used by several packages: presets, tiers, object classes, ground-truth subsets; km/h."""
+"""Names used by several packages: presets, tiers, object classes, subsets; km/h per m/s."""
 
 from typing import Literal, get_args
 
-KM_H = 3.6  # km/h in 1 m/s
+KM_H = 3.6  # factor from m/s to km/h
 
 # Presets, that is, settings of a catalogue LiDAR. `datasheet` is closest to the real product.
 Preset = Literal["paper", "equal", "datasheet"]

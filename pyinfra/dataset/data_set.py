@@ -127,7 +127,10 @@ def is_of_lanes(data_set: Path) -> bool:
 
 
 def ids_are_tracks(data_set: Path) -> bool:
-    """Returns whether object ids may identify tracks, by dataset.yaml. Raises FormatError."""
+    """Returns False if dataset.yaml states that object ids are no track numbers, else True.
+
+    Raises FormatError.
+    """
     description = data_set / "dataset.yaml"
     ids = kitti.read_yaml(description).maybe("ids") if description.is_file() else None
     return ids is None or ids.text() not in ("rows", "unknown")

@@ -11,12 +11,15 @@ from pyinfra.core.arrays import FloatArray, IntArray, Points, Records
 
 LEAST_LINES = 8  # recordings with fewer scan lines are not checked for dead lines
 LEAST_POINTS = 20  # minimum median number of points per frame of a scan line that works
-WIDE = 1.6  # minimum angle between the neighbours of a missing line, relative to the usual angle
-MOST_SHARE = 0.25  # if a larger share is missing, `ring` probably does not contain line numbers
+# Minimum angle between the two lines beside a missing line, relative to the usual angle between two
+# lines with a difference of 2 in their numbers.
+WIDE = 1.6
+# If a larger share of the lines is missing, `ring` probably does not contain line numbers.
+MOST_SHARE = 0.25
 
 
 def elevations_of(points: Points, records: Records) -> FloatArray:
-    """Returns the mean elevation (rings,) of the points (n, 4) of each line, rad, or NaN."""
+    """Returns the mean elevation of the points of each line: (lines,) radians, NaN if none."""
     ring = records["ring"].astype(np.int64)
     xyz = points[:, :3].astype(np.float64)
     angle = np.arctan2(xyz[:, 2], np.hypot(xyz[:, 0], xyz[:, 1]))
@@ -26,7 +29,7 @@ def elevations_of(points: Points, records: Records) -> FloatArray:
 
 
 def dead_lines(counts: IntArray, elevations: FloatArray) -> list[int]:
-    """Returns the numbers of missing lines.
+    """Returns the numbers of the lines that have no points in any frame, because a laser is dead.
 
     counts, elevations: (frames, lines) number of points of each line, and their mean elevation.
     """

@@ -1,4 +1,4 @@
-"""Reads many small text files as groups.
+"""Reads many small text files in groups of files.
 
 Files are parsed in groups of a few hundred, which is about ten times as fast as one by one. If a
 group cannot be parsed, its files are read again one by one to find the file and line for the error.
@@ -63,6 +63,6 @@ def fail_with_line(files: Sequence[Path], read: Callable[[Path], object]) -> NoR
     for file in files:
         read(file)
     raise AssertionError(
-        f"{files[0]} to {files[-1]}: expected an error in one of these {len(files)} files, got "
-        "none; as a group, the files cannot be read"
+        f"{files[0]} to {files[-1]}: the {len(files)} files can be read one by one, but not "
+        "together as a group"
     )

@@ -68,7 +68,7 @@ def track_ids(lidar_folder: Path, ids: IntArray) -> IntArray:
 
 
 def has_key(lidar_folder: Path, key: bytes, value: bytes = b"") -> bool:
-    """Returns whether the dataset.yaml of a LiDAR's folder has a key, with a value if given."""
+    """Returns whether the dataset.yaml of a LiDAR's folder has a key, and, if given, this value."""
     file = data_set_of(lidar_folder) / "dataset.yaml"
     return file.is_file() and b"\n" + key + b":" + value in file.read_bytes()
 

@@ -10,7 +10,7 @@ from pyinfra.formats.kitti import read_yaml
 
 # Version of simulated frames in pyinfra 0.3 and 0.4, and in files without `frames_version`.
 FIRST = "3"
-# Column of tables with the frames_version of the detector's training frames.
+# Name of the column, in tables, with the frames_version of the detector's training frames.
 LEARNT = "learnt_frames_version"
 NOT_MEASURED = "the accuracy on such frames was not measured"
 # End of a warning in commands that measure the accuracy on the frames.

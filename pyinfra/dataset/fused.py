@@ -145,7 +145,7 @@ def yaw_error(yaw_deg: float) -> PoseError:
 
 
 def keys_of(world: simulation.World) -> dict[str, Any]:
-    """Returns the keys of a world's scene as they were given, with all mounts and overrides."""
+    """Returns the keys of a world's scene as the user gave them, with all mounts and overrides."""
     recipe = recipe_of(world)
     source, is_file = recipe.args[0], recipe.func is simulation.World
     keys = read_keys(Path(source)) if is_file else yaml.safe_load(source)
@@ -185,7 +185,7 @@ def error_of(world: simulation.World, name: str) -> PoseError | None:
 
 
 def with_error(points: Float32Array, error: PoseError | None) -> Float32Array:
-    """Returns points (n, 4) as they are with a wrong pose of their LiDAR."""
+    """Returns points (n, 4) at the positions that follow from the wrong pose of their LiDAR."""
     if error is None:
         return points
     xyz = points[:, :3].astype(np.float64) @ error[0].T + error[1]

@@ -37,7 +37,7 @@ STEADY = 16.0
 FAR_M = 0.5  # vehicles farther than this from the plane may be outliers of the fit
 SHAPE_REACH_M = 60.0  # a recording's road shape is quadratic up to this radius, then linear
 SHAPE_END_M = 150.0  # half width of the relief that is computed from a road shape
-CHECKED = 5  # number of clouds in which the road is searched
+CHECKED = 5  # number of clouds in which the height of the road is measured
 # Difference between given and measured sensor height above which there is a warning. It is larger
 # than the random height errors in the training of the pretrained detector v3.
 HEIGHT_OFF_M = 0.2

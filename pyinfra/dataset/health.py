@@ -241,7 +241,7 @@ def write_health(file: Path, health: Iterable[FrameHealth]) -> None:
 
 
 def _far(sector: IntArray, distance: FloatArray) -> FloatArray:
-    """Returns a large quantile (SECTORS,) of the distances of each sector, or NaN.
+    """Returns a high quantile of the distances of each sector: (SECTORS,), NaN without points.
 
     Far points lie on buildings, which show a turn; near points lie on the ground.
     """
@@ -255,7 +255,7 @@ def _far(sector: IntArray, distance: FloatArray) -> FloatArray:
 
 
 def _lowest(x: FloatArray, y: FloatArray, z: FloatArray, distance: FloatArray) -> FloatArray:
-    """Returns the lowest z (SIDE * SIDE,) in each cell around the sensor, or NaN."""
+    """Returns the lowest z in each cell around the sensor: (SIDE * SIDE,), NaN without points."""
     near = (distance > NEAREST_M) & (np.abs(x) < REACH_M) & (np.abs(y) < REACH_M)
     column, row = ((v[near] + REACH_M) / CELL_M for v in (x, y))
     cell = column.astype(np.int64) * SIDE + row.astype(np.int64)
@@ -306,7 +306,7 @@ def _tilt(ground: FloatArray, usual: FloatArray) -> tuple[float, float]:
 
 
 def _turned(ranges: FloatArray, usual: FloatArray) -> tuple[float, float]:
-    """Returns the turn about z (degrees) that explains the ranges, and the remaining change."""
+    """Returns the sensor's turn about z (degrees), and the change of ranges that it leaves."""
     changes = {}
     for shift in range(-SECTORS // 8, SECTORS // 8 + 1):
         moved = np.abs(np.log(np.maximum(np.roll(ranges, -shift), 0.1) / np.maximum(usual, 0.1)))

@@ -19,7 +19,7 @@ UNCONFIRMED = "unconfirmed"  # word in the source of a price that no vendor has 
 
 @dataclass(frozen=True)
 class LidarSheet:
-    """A LiDAR under one preset. Numbers are NaN or None if the LiDAR could not be resolved."""
+    """The summary of a LiDAR under one preset; NaN or None where the LiDAR cannot be resolved."""
 
     name: str
     model: str
@@ -117,7 +117,7 @@ def _read_or_say(file: Path, preset: str) -> LidarSheet:
 
 
 def _plain(file: Path) -> dict[str, Any]:
-    """Returns name, model, presets and price of a LiDAR file. They do not depend on the preset."""
+    """Returns name, model, presets and price of a LiDAR file, which no preset changes."""
     top = yaml.load(file.read_text(encoding="utf-8-sig"), _LOADER)
     units = [
         _plain(file.parent / unit["lidar"]) for unit in top.get("bundle", []) if "lidar" in unit

@@ -229,7 +229,7 @@ def _mesh_files(
 
 
 def _with_paths(value: Any, key: str = "") -> Any:
-    """Returns keys with absolute paths under `file`: in the working folder, or shipped files."""
+    """Returns keys with an absolute path for each `file`, in the working folder or the package."""
     if isinstance(value, dict):
         return {name: _with_paths(inner, name) for name, inner in value.items()}
     if isinstance(value, list):
@@ -250,7 +250,7 @@ def plain(keys: Mapping[str, object]) -> dict[str, object]:
 
 
 def sequence_of(frames: AnyFrames, argument: str) -> FrameSequence:
-    """Returns a sequence of an argument of `one_lidar`, of one frame, or of clouds in memory.
+    """Returns an argument as a sequence. It is one frame, clouds, or what `one_lidar` accepts.
 
     Raises Error for any other value.
     """

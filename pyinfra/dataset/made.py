@@ -54,7 +54,7 @@ def _changed(recipe: Callable[[], Lidar], name: str, args: tuple[object, ...]) -
 
 
 def _with_recipe(name: str) -> Callable[..., Lidar]:
-    """Returns a method of Lidar whose result remembers how it was made, if the LiDAR does."""
+    """Wraps a method of Lidar, so that its result can be recreated too if the LiDAR can be."""
     method = getattr(Lidar, name)
 
     @wraps(method)

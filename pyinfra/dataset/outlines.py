@@ -59,7 +59,7 @@ def first_crossing(outline: FloatArray) -> tuple[int, int] | None:
 
 
 def in_any(outlines: Sequence[FloatArray], points: FloatArray, margin_m: float) -> BoolArray:
-    """Returns which points (n, 2 or more) lie in an outline or within `margin_m` of one.
+    """Returns which points (n, 2 or more) lie in at least one outline or its margin.
 
     If there are no outlines, the result is True for all points.
     """
@@ -88,7 +88,7 @@ class Drawn:
     def holds(self, points: FloatArray, margin_m: float = 0.0) -> BoolArray:
         """Returns which points (n, 2 or more) lie in the area or within `margin_m` of it.
 
-        A margin makes holes smaller. Outlines may overlap, and a hole counts for all of them.
+        A margin makes holes smaller. Outlines may overlap. A hole is a hole in all of them.
         """
         held = in_any(self.outlines, points, margin_m)
         for hole in self.holes:

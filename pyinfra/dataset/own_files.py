@@ -11,7 +11,7 @@ _FILES: set[Path] = set()
 
 
 def own_file(name: str, write: Callable[[Path], object]) -> Path:
-    """Returns the file of this process named `name`. `write` writes it unless it exists."""
+    """Returns the path of this process's file `name`. If it does not exist, `write` writes it."""
     file = Path(tempfile.gettempdir()) / f"pyinfra_{os.getpid()}" / name
     _put(file, write)
     return file

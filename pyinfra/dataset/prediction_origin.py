@@ -23,7 +23,7 @@ OF_MODEL = ("model_sha256",)
 MODEL_FRAMES = "model_frames_version"  # key of the training frames' frames_version
 # Model files with these names are identified by the name of their training folder.
 RUN_FILES = ("last", "best", "background")
-# Matches the prices in a lidar.yaml.
+# Matches the lines of a lidar.yaml that contain its prices.
 PRICES = re.compile(rb"^price_usd:\n(?:  .*\n)+|^price_total_usd: .*\n", re.MULTILINE)
 
 

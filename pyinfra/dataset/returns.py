@@ -38,7 +38,7 @@ def returned(
 
 
 def counted(rows: AnyArray, points: Float32Array, object_ids: IntArray) -> AnyArray:
-    """Returns object rows with counts of the points (n, 4), whose object ids are (n,)."""
+    """Returns object rows with the numbers of points (n, 4) on objects. object_ids: (n,)."""
     out = with_points_in_boxes(rows, points, object_ids)
     row, _ = _rows_of(rows, object_ids)
     out["points"] = np.bincount(row, minlength=len(rows))
@@ -46,10 +46,10 @@ def counted(rows: AnyArray, points: Float32Array, object_ids: IntArray) -> AnyAr
 
 
 def ids_once_per_ray(fields: Records) -> IntArray:
-    """Returns the object id of each point of fused frames (n,).
+    """Returns the object id of each point of a fused frame: (n,).
 
-    The second point of a ray on one object has -1, so that the two points count once, as in the
-    simulator.
+    If two points of a ray lie on one object, the id of the second point is -1. The two points then
+    count once, as in the simulator.
     """
     ids: IntArray = fields["object_id"].astype(np.int64)
     again = fields["echo"][1:] == 1
@@ -60,9 +60,9 @@ def ids_once_per_ray(fields: Records) -> IntArray:
 
 
 def with_points_in_boxes(rows: AnyArray, points: Float32Array, object_ids: IntArray) -> AnyArray:
-    """Returns object rows with counts of the points (n, 4) in boxes. The object ids are (n,).
+    """Returns object rows with the numbers of an object's points (n, 4) in its boxes.
 
-    Here the boxes are level on grades; in the simulator, they are inclined.
+    object_ids: (n,) of the points. On grades, boxes are level here, but inclined in the simulator.
     """
     out = rows.copy()
     row, on_object = _rows_of(rows, object_ids)

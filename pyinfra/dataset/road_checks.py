@@ -23,7 +23,7 @@ MOST_M = 0.02  # tolerance in metres, because the coordinates in roads.csv are r
 
 
 def other_roads(lidar_folder: Path) -> str | None:
-    """Returns a message if roads.csv is not that of the scene in dataset.yaml, else None.
+    """Returns a message if roads.csv differs from the scene in dataset.yaml, else None.
 
     A scene with lanes from a file is not checked, because the data set does not have that file.
     """

@@ -53,7 +53,7 @@ def write_folder(frames: SimulatedFrames, data_set: Path, *, fields: bool = True
 
 
 def of_kitti(fields: Records | None) -> Records | None:
-    """Returns the columns of fields (n,) that the layout has; fused frames have one more."""
+    """Returns fields (n,) without the column `mount` of fused frames, which the layout lacks."""
     columns = list(kitti.FIELDS.names or ())
     return None if fields is None else fields[columns].astype(kitti.FIELDS)
 

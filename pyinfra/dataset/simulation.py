@@ -291,7 +291,7 @@ def _yaml(value: object) -> str:
 
 
 def _text(text: str) -> str:
-    """Returns a text, in quotes if YAML would change the text. `{x_m: 1}` remains a map."""
+    """Returns a text for YAML, in quotes if YAML would change it. `{x_m: 1}` remains a map."""
     try:
         (read,) = yaml.safe_load(f"[{text}]")
     except (yaml.YAMLError, ValueError):  # ValueError: commas divide the text into several values

@@ -155,9 +155,9 @@ def road_lines(around: Surroundings) -> Iterator[RoadLine]:
 
 
 def pieces(line: FloatArray, good: BoolArray, step: int) -> Iterator[FloatArray]:
-    """Yields the pieces of two or more points of a line (n, m) whose mask `good` (n,) is True.
+    """Yields each run of two or more points of a line (n, m) in which the mask `good` (n,) is True.
 
-    The pieces are thinned by `step`.
+    Each run is thinned by `step`, as in `thinned`.
     """
     edges = np.flatnonzero(np.diff(good)) + 1
     for part in np.split(np.arange(len(line)), edges):
@@ -166,7 +166,7 @@ def pieces(line: FloatArray, good: BoolArray, step: int) -> Iterator[FloatArray]
 
 
 def thinned(line: FloatArray, step: int) -> FloatArray:
-    """Returns every point of a line (n, m) at a multiple of `step`, and the last point."""
+    """Returns every `step`-th point of a line (n, m), from the first, and the last point."""
     return np.append(line[:-1:step], line[-1:], axis=0)
 
 

@@ -98,7 +98,7 @@ def existing(rows: pd.DataFrame, starts: FloatArray, ends: FloatArray) -> Existi
 
 
 def _positions(times: FloatArray) -> FloatArray:
-    """Returns times in units of ROW_STEP_S. Those within 1e-6 of a whole number are rounded."""
+    """Returns times in units of ROW_STEP_S; a value within 1e-6 of a whole number is rounded."""
     positions = np.asarray(times, dtype=np.float64) / ROW_STEP_S
     nearest = np.rint(positions)
     return np.where(np.abs(positions - nearest) <= 1e-6, nearest, positions)

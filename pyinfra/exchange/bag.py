@@ -32,7 +32,7 @@ SUFFIXES = (".bag", ".mcap", ".db3")
 METADATA = "metadata.yaml"
 BOXES = (ros.MARKERS, ros.DETECTIONS, ros.JSK_BOXES)
 ROOTS = ("world", "map", "site", "earth", "odom")  # frames in which the sensor does not move
-NEAR_S = 0.15  # maximum time from a cloud to its message of boxes
+NEAR_S = 0.15  # maximum time between a cloud and the message with its boxes
 LEAST_TILT_RAD = 1e-4
 # Message types with raw packets, which only the driver of the LiDAR can decode.
 PACKETS = ("VelodyneScan", "PandarScan", "UdpFrame", "PacketMsg", "RslidarScan", "RslidarPacket")
@@ -121,7 +121,7 @@ class Bag:
         )
 
     def _unread_parts(self) -> list[str]:
-        """Returns texts with the topics and the fields of points that are not read."""
+        """Returns texts that list the topics and the point fields that are not read."""
         topics = [
             f"{name} ({kind.rpartition('/')[2]}, {count})"
             for name, (kind, count) in self.contents.topics.items()
@@ -130,7 +130,7 @@ class Bag:
         return [f"topic {topic}" for topic in topics] + self.fields.unread()
 
     def records(self, i: int) -> Records:
-        """Reads the cloud with an index. Raises FormatError."""
+        """Reads cloud `i` of the selected topic. Raises FormatError."""
         with _errors(self.source):
             if self._next != i:
                 self._messages, self._next = self._from(i), i
@@ -213,7 +213,7 @@ class Bag:
                 text += f"; {lost} messages match no cloud in time and are left out"
             if len(out) < len(clock_ns):
                 bare = len(clock_ns) - len(out)
-                text += f"; {bare} of {len(clock_ns)} clouds have no message, thus no objects"
+                text += f"; {bare} of {len(clock_ns)} clouds have no message with boxes"
             notes.append(text)
         return out
 
@@ -318,7 +318,7 @@ def _stamp_of(message: Any) -> int:
 
 
 def _message(reader: Any, raw: bytes, kind: str) -> Any:
-    """Deserialises a message; types that the bag does not define are those of ROS 2 Humble."""
+    """Deserialises a message. Types that the bag does not define are read as in ROS 2 Humble."""
     if kind in reader.typestore.fielddefs:
         return reader.deserialize(raw, kind)
     store = get_typestore(Stores.ROS2_HUMBLE)

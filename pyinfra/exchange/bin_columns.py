@@ -18,7 +18,7 @@ from pyinfra.exchange.recording import Options
 USUAL = 4
 TRIED = (4, 5, 6, 3)  # possible numbers of columns
 FILES = 30  # maximum number of files whose values are read, evenly distributed
-MOST_FILES = 0.9  # minimum share of files with only whole rows; the other files are truncated
+MOST_FILES = 0.9  # minimum share of files with a whole number of rows; others may be truncated
 VALUES = 60 * 1000  # number of values read per file, a multiple of all numbers in TRIED
 MOST = 1e7  # largest plausible coordinate: 10 km in millimetres
 # Two numbers of columns are distinguished if their shares of explained variance differ by more than
@@ -90,7 +90,7 @@ def _is_likely(values: FloatArray, columns: int) -> bool:
 
 
 def explained(values: FloatArray, columns: int) -> float:
-    """Returns the share of the variance that the columns explain; about 0 if columns are similar.
+    """Returns the share of the variance between columns; about 0 if the columns are similar.
 
     values: (n,) values of several files, where n is a multiple of `columns`.
     """

@@ -31,7 +31,7 @@ from pyinfra.formats import kitti
 from pyinfra.formats.csv_table import plain_cell
 from pyinfra.formats.kitti import RECORDED, Labels, Objects, RoadShape, WorldPose
 
-HEIGHT_OFF_M = 0.5  # tolerated difference between z and the height above vehicle bottoms
+HEIGHT_OFF_M = 0.5  # tolerated difference between the pose's z and the height above vehicle bottoms
 SEEN = 1.0  # visibility of a labelled object if the recording states none
 
 
@@ -234,7 +234,7 @@ def objects_of(points: Points, boxes: Boxes, types: NameArray, period_s: float) 
 
 
 def with_ids(boxes: Boxes, points: Points, fields: Records) -> Boxes:
-    """Returns boxes without ids with the ids that the points inside them have in `fields`.
+    """Gives boxes without ids the ids that the points inside them have in `fields`.
 
     An id belongs to the box with most of its points, and a box has the id of most points. The ids
     of all other boxes are -1 (unknown). Boxes with ids are returned unchanged.

@@ -13,7 +13,7 @@ SPLIT_BY_SHARE = ("openpcdet", "mmdet3d")
 
 
 def split_note(lidar_folder: Path, frames: Sequence[int], name: str) -> str:
-    """Returns a note about the split of an export of frames without ImageSets.
+    """Returns a note on how an export splits frames that have no ImageSets.
 
     The note is empty if ImageSets exist or the format has no split.
     """

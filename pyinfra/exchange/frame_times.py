@@ -108,7 +108,7 @@ def _times(recording: Recording) -> tuple[FloatArray | None, list[str]]:
 
 
 def _interpolated(times: FloatArray, has_time: BoolArray) -> FloatArray:
-    """Returns the times (n,), where unknown ones lie between those of the frames around them."""
+    """Returns the times (n,), with unknown times interpolated between the known times."""
     known = np.flatnonzero(has_time)
     usual = float(np.median(np.diff(times[known])))
     first, last = known[0], known[-1]
@@ -130,7 +130,7 @@ def _reordered(recording: Recording, order: IntArray) -> Recording:
 
 
 def _is_named(recording: Recording) -> bool:
-    """Returns whether the frame numbers are those of the names."""
+    """Returns whether the frame numbers are the numbers in the frames' names."""
     return recording.slots is None and not recording.counted
 
 

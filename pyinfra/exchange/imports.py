@@ -38,7 +38,7 @@ NAME = "lidar"  # name of the LiDAR if the user gives only the folder of the dat
 
 
 def recording_folder(source: Path) -> Path:
-    """Returns the folder of a recording.
+    """Returns the folder of a recording that the user named.
 
     The name `sample` means the sample recording in the package, unless such a file exists.
     """

@@ -29,7 +29,7 @@ LEAST_M, MOST_M = 0.001, 1000.0
 
 
 class UnitError(FormatError):
-    """A value that is probably not in the expected unit. All objects are then in that unit."""
+    """Raised for a value in another unit, which is then probably the unit of all objects."""
 
 
 def read_json(file: Path) -> Any:

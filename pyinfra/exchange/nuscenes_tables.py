@@ -119,7 +119,7 @@ class Tables:
         return str(row[key])
 
     def numbers(self, table: str, row: Row, key: str, shape: int | tuple[()]) -> FloatArray:
-        """Returns the value of `key` in a row as an array of finite numbers of a shape.
+        """Returns the value of `key` in a row as an array of finite numbers with this shape.
 
         Shape () means a single number.
         """
@@ -331,7 +331,7 @@ def _results(file: Path, rows: list[Row], pose: Pose) -> Boxes:
         scores = np.array([row["detection_score"] for row in rows], float)
     except (KeyError, TypeError, ValueError) as error:
         raise FormatError(
-            f"{file}: expected boxes of nuScenes' results, got a missing or wrong value: {error!r}"
+            f"{file}: a box lacks a value of nuScenes' results, or the value is invalid: {error!r}"
         ) from None
     ahead = (back * turns).apply([1.0, 0, 0]) if rows else np.empty((0, 3))
     centres = back.apply(centres - pose.origin) if rows else centres

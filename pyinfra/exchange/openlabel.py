@@ -58,7 +58,7 @@ def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
 
 
 def write_document(file: Path, parts: Mapping[str, Json | Iterable[Item]], frames: int) -> None:
-    """Writes a file whose parts are written one item per line, in their order."""
+    """Writes an OpenLABEL file: the parts in their order, with one item of a part per line."""
     with replacing(file) as beside, beside.open("w", encoding="utf-8") as stream:
         stream.write('{"openlabel": {\n')
         for name, part in parts.items():

@@ -1,4 +1,4 @@
-"""Reads time, ring and intensity of points, which every driver names and counts differently.
+"""Reads time, ring and intensity of points, whose names and units differ between drivers.
 
 Known names and units of drivers of LiDARs:
     Velodyne   time       seconds (float32), counted from the start or to the end of the frame
@@ -35,8 +35,8 @@ INTENSITIES = (
 # Maps kitti.FIELDS of exported files to the names in these files.
 OWN = {"class": ("class", "class_id"), "object_id": ("object_id",), "echo": ("echo",)}
 UNITS = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
-# Plausible duration between the first and last point of a frame. The range is a factor of 1000, so
-# that exactly one unit fits.
+# Plausible duration between the first and last point of a frame. The upper limit is 1000 times the
+# lower limit, so that exactly one unit fits.
 DURATION_S = (0.003, 3.0)
 LEAST_MAP_M = 1e5  # coordinates above this are map coordinates, such as UTM
 MOST_ROUNDING_S = 1e-3  # largest accepted rounding error of the times of points
@@ -46,7 +46,7 @@ EXPORTED = {"time", "ring", "object_id", "class", "echo"}
 
 @dataclass(frozen=True)
 class PointTimes:
-    """How a recording counts the times of its points."""
+    """The field with the times of a recording's points, its unit, and its zero."""
 
     field: str
     unit_s: float
@@ -213,7 +213,7 @@ def _point_times(samples: Sequence[Records]) -> tuple[PointTimes | None, list[st
 
 
 def _counted(name: str, columns: Sequence[AnyArray]) -> PointTimes | str:
-    """Returns how a field counts time, or why it cannot be the time of points."""
+    """Returns unit and zero of a time field, or why it cannot be the time of points."""
     spans, firsts, absolutes = [], [], []
     for column in columns:
         values = column[np.isfinite(column)]

@@ -281,8 +281,8 @@ def _check_millimetres(source: Path, estimate: Survey, why: str) -> None:
     """
     if MILLIMETRES in estimate.assumed:
         raise Error(
-            f"{source}: expected the road {LOWEST_M:g} m or more below the origin, got none "
-            f"with coordinates in millimetres, as assumed: {why}; `unit_m` sets the unit"
+            f"{source}: expected the road {LOWEST_M:g} m or more below the origin, but {why}; "
+            "the coordinates were assumed to be in millimetres; `unit_m` sets their unit"
         )
 
 
@@ -327,7 +327,7 @@ def _level(estimate: Survey, plane: RoadPlane) -> Survey:
     if user_facts.tilt:
         notes.append(f"points are levelled by `tilt_deg`; the road is then still tilted by {lean}")
     elif math.hypot(pitch, roll) >= WORTH_DEG:
-        notes.append(f"the sensor is tilted by {lean} to the road, which is assumed to be level")
+        notes.append(f"the sensor is tilted by {lean} from the road, which is assumed level")
     tilt = user_facts.tilt or (plane.tilt if math.hypot(pitch, roll) >= WORTH_DEG else None)
     facts = replace(user_facts, height_m=round(plane.height_m, 3), tilt=tilt)
     return replace(estimate, facts=facts, plane=plane, assumed=(*estimate.assumed, *notes))

@@ -65,7 +65,7 @@ class RecordClouds:
         )
 
     def times(self) -> FloatArray | None:
-        """Returns the first absolute time of each cloud, or None if the first ones have none."""
+        """Returns the first absolute time of each cloud, or None if the sampled ones have none."""
         if all(np.isnan(self.start(records)) for records in self.fields.clouds):
             return None
         first = (readable(self.read, [file]) for file in self.labels.clouds)

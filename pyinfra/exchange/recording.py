@@ -81,7 +81,7 @@ class Recording:
 
     @property
     def counted(self) -> bool:
-        """Whether frames are numbered by their order.
+        """Whether frames are numbered 0, 1, 2, ... in their order.
 
         This is the case if the names are not unique numbers up to 999,999.
         """
@@ -213,7 +213,7 @@ def check_pairs(clouds: Sequence[Path], labels: Sequence[Path]) -> None:
 
 
 def selected(where: Path, names: Sequence[str], channel: str | None, what: str = "LiDAR") -> int:
-    """Returns the position of the name that is `channel`; None selects the only name.
+    """Returns the index of the name that equals `channel`; None selects the only name.
 
     Raises Error unless exactly one of the names fits.
     """

@@ -14,7 +14,7 @@ from pyinfra.dataset.ground import SHAPE_REACH_M, shape_heights
 from pyinfra.dataset.road_plane import SOFT_M, lowest_points
 from pyinfra.formats.kitti import RoadShape
 
-LEAST_COLUMNS = 100  # minimum number of columns in which an object moved
+LEAST_COLUMNS = 100  # minimum number of vertical columns of 1 m x 1 m in which an object moved
 GATES_M = (1.5, 0.8, 0.5, 0.3, 0.3, 0.3)  # maximum distance of points from the surface in each fit
 # Points higher than ABOVE_M above the surface may be a vehicle that hides the road. Their weight is
 # ABOVE_WEIGHT.

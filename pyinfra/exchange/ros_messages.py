@@ -46,7 +46,7 @@ class Entry(NamedTuple):
 
     frame_id: str  # empty if the message does not state the frame
     name: str
-    track: str  # name of the track, as the message has it
+    track: str  # name of the track in the message
     pose: Any
     size: Any
     id: int = -1  # number of the track, which `with_ids` sets

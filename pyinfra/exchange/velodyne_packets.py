@@ -65,7 +65,7 @@ def read(source: Path, options: Options) -> Recording:
 
 
 class Packets:
-    """The turns of a .pcap file, which are decoded in order."""
+    """The turns (revolutions) of a LiDAR in a .pcap file, which are decoded in order."""
 
     def __init__(self, file: Path) -> None:
         self.file = file

@@ -40,7 +40,7 @@ class Option:
     price_source: str  # source of the LiDAR's price; empty if unknown
     site_usd: float  # part of the price that is not for LiDARs
     site_items: Mapping[str, float]  # items whose sum is site_usd; empty if unknown
-    covered_m: Interval  # length of covered road; its interval is unknown if `no_interval` has text
+    covered_m: Interval  # length of covered road; `no_interval` says why it has no interval
     road_m: float  # length of evaluated road within the required range; NaN if unknown
     latency_ms: float  # median time per frame on one core; NaN if it was not measured
     latency_low_ms: float  # low end of the latency's interval; NaN in tables of earlier versions

@@ -68,7 +68,7 @@ def options_of(
 
 
 def with_replicates(options: Sequence[Option], until: pd.DataFrame) -> list[Option]:
-    """Returns the options; those compared in table `until` get their difference in `replicated`.
+    """Returns the options; `replicated` has the difference of those that table `until` compares.
 
     It is the difference of the AP of the whole region. Options with a shorter range get none.
     """

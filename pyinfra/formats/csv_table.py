@@ -99,7 +99,7 @@ def check_columns(
         if name not in known:
             near = suggestion(name, suggested or known)
             raise FormatError(
-                f"{file}:1: expected known columns, got the unknown column '{name}'{near}"
+                f"{file}:1: expected columns of this table, got the column '{name}'{near}"
             )
 
 
@@ -133,7 +133,7 @@ def read_words(file: Path, separator: str = ",") -> pd.DataFrame:
     twice = [name for i, name in enumerate(header) if name in header[:i]]
     if twice or not rows:
         got = f"column {twice[0]} twice" if twice else "an empty file"
-        raise FormatError(f"{file}:1: expected different column names, got {got}")
+        raise FormatError(f"{file}:1: expected each column name once, got {got}")
     return with_current_values(pd.DataFrame(rows[1:], columns=header, dtype=str))
 
 

@@ -64,7 +64,7 @@ def existing(file: Path) -> Path:
 
 
 def with_current_keys(value: Any) -> Any:
-    """Returns the value of a key with the current names of all keys in it."""
+    """Returns a YAML value in which all keys have their current names."""
     if isinstance(value, dict):
         return {_RENAMED_KEYS.get(k, k): with_current_keys(v) for k, v in value.items()}
     return [with_current_keys(v) for v in value] if isinstance(value, list) else value

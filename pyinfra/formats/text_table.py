@@ -42,7 +42,7 @@ def between(columns: Sequence[str], low: float, high: float, *, whole: bool = Fa
 def violations(
     column: Callable[[str], FloatArray], rules: Sequence[ColumnRule]
 ) -> Iterator[tuple[str, str, BoolArray]]:
-    """Yields each column of each rule, its allowed values, and a mask (n,) of the wrong rows.
+    """Yields each column of each rule, its allowed values, and a mask (n,) of rows that violate it.
 
     column: returns the values (n,) of the column with a name.
     """
@@ -52,7 +52,7 @@ def violations(
 
 
 def columns_of(values: FloatArray, names: Sequence[str]) -> Callable[[str], FloatArray]:
-    """Returns a function that returns the column of rows (n, columns) by name."""
+    """Returns a function that maps a name to the column (n,) of `values` (n, columns)."""
     by_name = dict(zip(names, values.T, strict=False))
     return by_name.__getitem__
 

@@ -30,7 +30,7 @@ def track_name(word: object) -> str:
 
 
 def names_in_frame(words: Sequence[object], places: Sequence[str]) -> list[str]:
-    """Returns the names of the tracks of a frame's objects, each name once.
+    """Returns the track name of each object of a frame, different for all objects.
 
     An object whose track is unknown, or is also that of another object of the frame, gets its place
     as its name. `places` are texts such as `FILE: object 3`, which are unique in a recording.

@@ -35,7 +35,7 @@ class Ranking:
 
     scores: FloatArray  # (k,) scores of the operating points, descending
     upto: IntArray  # (k,) number of predictions with at least this score
-    true_positives_upto: IntArray  # (k,) number of true positives among these predictions
+    true_positives_upto: IntArray  # (k,) number of true positives with at least this score
     slot: IntArray  # (n,) time slot of each prediction
     true_positive_slot: IntArray  # (h,) time slot of each true positive
     objects: IntArray  # (slots,) number of objects in each time slot
@@ -140,9 +140,9 @@ def kitti_average_precision(ranking: Ranking, weights: IntArray | None = None) -
 
 
 def _kitti_true_positives(total: IntArray, objects: IntArray) -> IntArray:
-    """Returns which true positives the devkit samples, counted from 1: (replicates, 41).
+    """Returns the numbers, from 1, of the true positives that the devkit samples: (replicates, 41).
 
-    A sample that the devkit does not take has the number total + 1.
+    True positives are numbered by descending score. A missing sample has the number total + 1.
     """
     nth = np.empty((len(total), KITTI_SAMPLES), dtype=np.int64)
     last = np.zeros_like(total)
@@ -191,7 +191,7 @@ def _over_replicates(
 def _per_slot(ranking: Ranking) -> tuple[FloatArray, FloatArray]:
     """Returns cumulative numbers of true positives and predictions, (slots, points) each.
 
-    An entry is the number in one slot, up to one operating point of `_some_points`.
+    An entry counts one slot, from the highest score to one operating point of `_some_points`.
     """
     points = _some_points(ranking)
     true_positives_upto, upto = ranking.true_positives_upto[points], ranking.upto[points]
@@ -224,9 +224,9 @@ def _some_points(ranking: Ranking) -> IntArray:
 
 
 def _highest_from(precision: FloatArray, at: IntArray) -> FloatArray:
-    """Returns the highest precision from each column of `at` to the end of its row: (d, r).
+    """Returns, for each column number in `at`, the highest precision from there to the row's end.
 
-    precision: (d, k). at: (d, r) column numbers, ascending in each row.
+    precision: (d, k). at: (d, r), ascending in each row. The result has the shape of `at`.
     """
     rows, points = precision.shape
     padded = np.pad(precision, ((0, 0), (0, 1)))  # the added column is for recalls not reached

@@ -93,7 +93,7 @@ def _pairs(
 def _by_distance(
     pairs: Sequence[tuple[Evaluation, Evaluation]], firsts: Sequence[pd.Series]
 ) -> pd.DataFrame:
-    """Returns the differences in rings. firsts: the AP row of each pair's first evaluation."""
+    """Returns the difference in AP (R1000) for each ring. firsts: each pair's first AP row."""
     subset = str(firsts[0].ground_truth)
     rings = [(x.rings(subset), y.rings(subset)) for x, y in pairs]
     common = [ring for ring in rings[0][0] if all(ring in one for pair in rings for one in pair)]
@@ -105,7 +105,7 @@ def _by_distance(
 
 
 def _rows(a: Evaluation, b: Evaluation, ground_truth: str | None) -> tuple[pd.Series, pd.Series]:
-    """Returns the rows of both with the AP of a subset. Raises Error if they cannot be compared."""
+    """Returns the AP rows of both evaluations for a subset. Raises Error if the settings differ."""
     common = [name for name in a.ap.ground_truth if name in set(b.ap.ground_truth)]
     subset = ground_truth or (common[0] if common else "")
     if subset not in common:

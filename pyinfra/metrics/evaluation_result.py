@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 SEEN_AND_PRESENT: tuple[Subset, Subset] = ("all", "present")
 MEASURES = {"definition": AP_R1000, "r11": "AP (R11)", "kitti": "AP (R40), devkit"}
 
-OPTIONAL = ("cells", "ranges")  # tables that an evaluation has or not
+OPTIONAL = ("cells", "ranges")  # tables that only some evaluations have
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -202,8 +202,8 @@ def _hidden(evaluation: Evaluation, row: Any) -> str:
 def _off_region(rows: pd.DataFrame) -> str:
     """Returns as text the boxes per minute outside the region.
 
-    The first number counts boxes with at least the lowest score of the table. The second number
-    counts boxes with a score of 0.5 or more.
+    The first number is for boxes with at least the lowest score of the table. The second number
+    is for boxes with a score of 0.5 or more.
     """
     shown = [row for row in rows.itertuples() if row.score in (rows.score.min(), 0.5)]
     return ", ".join(

@@ -35,13 +35,13 @@ from pyinfra.metrics.prediction_checks import Finding, check_predictions, find_f
 from pyinfra.metrics.settings import Settings
 
 MOST_ERRORS = 20  # largest number of errors that one check lists
-# Every n-th cloud is checked, where n is the number of clouds // CLOUDS (or // COUNTED).
+# Every n-th cloud is checked. n is the number of clouds divided by CLOUDS or COUNTED, rounded down.
 CLOUDS = 50  # number of clouds whose format, intensities and points in boxes are checked
 COUNTED = 1000  # number of clouds whose points in the objects' boxes are counted
 POINT_BYTES, FIELD_BYTES = 16, kitti.FIELDS.itemsize
 NEIGHBOURS = 21  # number of frames whose median size is compared with the size of a cloud
 SMALL = 0.5  # clouds smaller than this share of the median are reported
-# A cloud may lack this many points, or this share of the points, in the objects' boxes.
+# A cloud may lack this number of the points in the objects' boxes, or this share if it is more.
 FEW_POINTS, LOST_SHARE = 10, 0.05
 FAR_MARGIN_M = 5.0  # tolerance for points beyond the LiDAR's range, because of range noise
 USUAL_LOW_Z = -3.0  # lower limit of z in common detector configurations for cars, metres

@@ -203,7 +203,7 @@ def with_unreached(vehicles: Vehicles, others: Vehicles) -> Vehicles:
 def _unknown(vehicles: Vehicles, others: Vehicles) -> BoolArray:
     """Returns which rows of `others` have no row of the same frame and id in `vehicles`: (n,).
 
-    A row without an id (-1) counts as having no such row.
+    A row of `others` without an id (-1) is always returned.
     """
     base = 2 + max(vehicles.ids.max(initial=0), others.ids.max(initial=0))
     keys, known = (v.frame * base + v.ids + 1 for v in (others, vehicles))

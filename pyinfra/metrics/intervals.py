@@ -20,7 +20,7 @@ from pyinfra.core.arrays import AnyArray, FloatArray, IntArray
 from pyinfra.core.errors import Error
 
 SLOT_S = 1.0  # unit of time that is resampled as a whole
-BLOCK_STEP_S = 5.0  # block lengths are multiples of this time, so that they agree between LiDARs
+BLOCK_STEP_S = 5.0  # block lengths are multiples of this time, so that all LiDARs have equal ones
 LEAST_BLOCK_S = 20.0  # minimum block length; false positives can last longer than vehicles
 # Block length for vehicles without ids, whose time in the region is unknown. It suits a motorway.
 UNKNOWN_BLOCK_S = 20.0

@@ -128,7 +128,7 @@ def true_positives(
 def reaches(iou: FloatArray, threshold: float, *, strict: bool) -> BoolArray:
     """Returns whether an overlap reaches the threshold. Values within TIE are equal.
 
-    strict: whether the overlap must be above the threshold.
+    strict: whether the overlap must be above the threshold, not equal to it.
     """
     return np.asarray(iou > threshold + TIE if strict else iou >= threshold - TIE)
 

@@ -27,7 +27,7 @@ MEASURES = {
 MEASURED_BY = ("class", "metric", "iou")  # columns of a row that define its AP
 # Further columns that define the AP of a row. Rows of earlier versions lack these columns.
 SETTINGS = ("types", "min_points", "min_score")
-# Columns that replicates.csv has in every version.
+# Columns that replicates.csv must have; the files of all versions have them.
 REQUIRED = (
     *("ground_truth", "measure", "value", "blocks"),
     *("vehicles_digest", "frames", "replicates"),

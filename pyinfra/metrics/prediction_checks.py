@@ -27,7 +27,7 @@ from pyinfra.metrics.prediction_errors import errors_of
 
 OTHER_FRAMES = "other-frames"  # finding that the model was trained on frames of another version
 FEW_PREDICTED = 0.5  # a larger share of frames without predictions causes a warning
-FRAMES = 300  # every n-th frame is checked, where n is the number of frames // FRAMES
+FRAMES = 300  # every n-th frame is checked; n is the number of frames divided by FRAMES
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ def _names(
         return
     known = np.isin(predictions.names, (*VEHICLE_TYPES, *PERSON_TYPES))
     if not known[unevaluated].all():
-        unevaluated &= ~known  # unknown names are reported first, without the known classes
+        unevaluated &= ~known  # if some names are unknown, only these are reported
     names, counts = np.unique(predictions.names[unevaluated], return_counts=True)
     listed = ", ".join(f"{name} ({count})" for name, count in zip(names, counts, strict=True))
     location = _first(predictions, files, unevaluated)

@@ -64,7 +64,7 @@ def _elsewhere(
         shares[name] = _share_near(moved, truth, p, v)
     name = max(shares, key=lambda name: shares[name])
     if shares[name] > share + MUCH_BETTER:
-        better = f"{100 * shares[name]:.0f} % do if this change of the axes is undone"
+        better = f"{100 * shares[name]:.0f} % would do so with the axes corrected ({name})"
         return name, f"{text}, but {better}"
     dx, dy = _shift(boxes[p, :2] - truth[v, :2])
     moved = boxes.copy()
@@ -73,8 +73,8 @@ def _elsewhere(
     if shifted_share > share + MUCH_BETTER:
         return (
             "displaced",
-            f"{text}, but {100 * shifted_share:.0f} % do if a shift of ({dx:.1f}, {dy:.1f}) m is "
-            "subtracted",
+            f"{text}, but {100 * shifted_share:.0f} % would do so if ({dx:.1f}, {dy:.1f}) m were "
+            "subtracted from x and y",
         )
     if share > FAR_OFF:
         return None  # the frame of reference is right, but the detector is poor

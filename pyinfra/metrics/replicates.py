@@ -188,7 +188,7 @@ def check_pair(a: pd.Series, b: pd.Series, also: Sequence[str] = ()) -> None:
                 "time are the same"
             )
             raise Error(
-                f"{prefix}{name}: expected the same value in both, got {_same(a, name)} and "
+                f"{prefix}{name}: expected the same value in both rows, got {_same(a, name)} and "
                 f"{_same(b, name)}{why if name in SAME else ''}"
             )
 

@@ -58,7 +58,7 @@ def hidden_share(experiments: pd.DataFrame) -> pd.Series:
 def common_seeds(rows: pd.DataFrame) -> list[float]:
     """Returns the seeds that all experiments of one scene and preset have, ascending.
 
-    If they have none in common, the result is the lowest seed of all.
+    If the experiments have no seed in common, the result is the lowest of all seeds.
     """
     seed = pd.to_numeric(rows.seed)
     of_each = seed.groupby([rows[name] for name in EXPERIMENT], dropna=False).agg(set)
@@ -68,8 +68,8 @@ def common_seeds(rows: pd.DataFrame) -> list[float]:
 def first_seed(rows: pd.DataFrame) -> pd.DataFrame:
     """Returns the rows of the lowest seed that all experiments of a scene and preset have.
 
-    Differences of experiments are then those of equal traffic. Without a common seed, each
-    experiment has the rows of its own lowest seed.
+    Experiments are then compared on the same traffic. Without a common seed, each experiment has
+    the rows of its own lowest seed.
     """
     if rows.empty:
         return rows
@@ -103,10 +103,10 @@ def each_road_once(areas: pd.DataFrame) -> pd.DataFrame:
 def preset_of_answers(rows: pd.DataFrame) -> str:
     """Returns the last preset of PRESETS that has results of two LiDARs or more.
 
-    If there is none, returns the preset of the first row. Later presets of PRESETS are closer to
-    real LiDARs. The function skips a preset with only one detector if another preset has several
-    detectors, because the benchmark of the first preset is not complete. rows: rows of one scene,
-    with columns preset, lidar and detector.
+    If no preset has two LiDARs, returns the preset of the first row. Later presets of PRESETS are
+    closer to real LiDARs. The function skips a preset with only one detector if another preset has
+    several detectors, because the benchmark of the first preset is not complete. rows: rows of one
+    scene, with columns preset, lidar and detector.
     """
     counts = rows.groupby("preset")[["lidar", "detector"]].nunique()
     enough = (counts.lidar >= 2) & (counts.detector >= min(2, counts.detector.max()))

@@ -89,7 +89,7 @@ def lit_share(rays: Rays, times_s: tuple[float, ...] = TIMES_S) -> pd.DataFrame:
 
 
 def angular_density(rays: Rays, seconds: float = DENSITY_S) -> pd.DataFrame:
-    """Returns the density of rays before the time `seconds`, per second and square degree.
+    """Returns the mean density of the rays up to the time `seconds`, per second and square degree.
 
     Column axis is `off_axis` for rings around the x axis, and `elevation` for rows of elevation
     within HALF_WIDTH_DEG of the x axis. Other columns: from_deg, to_deg, rays, density.

@@ -136,10 +136,10 @@ def only_one(vehicles: Observations, blocks: Blocks, from_m: float = FAR_M) -> p
 
 
 def alone_and_another(vehicles: Observations) -> tuple[IntArray, IntArray]:
-    """Returns two arrays (n, L) of 0 and 1 for each vehicle and LiDAR.
+    """Returns whether only this LiDAR, and whether only other LiDARs, hit a vehicle: (n, L) each.
 
-    The first is 1 if only this LiDAR hit the vehicle. The second is 1 if another LiDAR hit the
-    vehicle, but this LiDAR did not.
+    Entries are 0 or 1. In the first array, 1 means that only this LiDAR hit the vehicle. In the
+    second array, 1 means that another LiDAR hit the vehicle, but this LiDAR did not.
     """
     hit = vehicles.points > 0
     hits = hit.sum(axis=1, keepdims=True)
@@ -182,7 +182,7 @@ def decay_lines(sums: FloatArray) -> tuple[FloatArray, FloatArray]:
     A fit is a weighted least-squares line of log APV over log mean distance; R^2 is weighted too.
     All replicates are fitted together, which is 150 times as fast as single fits by a library.
 
-    sums: (..., bins, L, 4) points, vehicles, hit vehicles, distances.
+    sums: (..., bins, L, 4), as `vehicle_sums` returns them.
     """
     used = _fit_bins(sums)
     weight = np.where(used, sums[..., 1], 0)
@@ -198,9 +198,9 @@ def decay_lines(sums: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def vehicle_sums(vehicles: Observations, blocks: Blocks, edges: FloatArray = EDGES_M) -> FloatArray:
-    """Returns sums by slot of time and bin of distance: (slots, bins, L, 4).
+    """Returns sums over vehicles by slot of time and bin of distance: (slots, bins, L, 4).
 
-    The last axis is points, vehicles, hit vehicles, distances.
+    The four sums are the numbers of points, vehicles and hit vehicles, and the sum of distances.
     """
     points = vehicles.points
     distance = np.broadcast_to(vehicles.distance[:, None], points.shape)

@@ -150,11 +150,11 @@ def recording(
             start, end = begin, stop
     start, end = start if start_s is None else start_s, end if end_s is None else end_s
     if len(table) and not -np.inf < start <= first:
-        raise Error(f"start_s: expected {first:.6f} (first track) or less, got {start:.6f}")
+        raise Error(f"start_s: expected {first:.6f} s or less (first track), got {start:.6f}")
     if len(table) and not last <= end < np.inf:
-        raise Error(f"end_s: expected {last:.6f} (last track) or more, got {end:.6f}")
+        raise Error(f"end_s: expected {last:.6f} s or more (last track), got {end:.6f}")
     if not 0 <= end - start < np.inf:
-        raise Error(f"end_s: expected {start:.6f} or more, got {end:.6f}")
+        raise Error(f"end_s: expected {start:.6f} s (`start_s`) or more, got {end:.6f}")
     return start, end
 
 

@@ -91,7 +91,7 @@ def hota(truth: Sightings, tracks: Sightings) -> Hota:
 
 
 def clear(truth: Sightings, tracks: Sightings) -> Clear:
-    """Matches tracks with the truth, frame by frame; matches of the last frame have priority."""
+    """Matches tracks with the truth by frame; matches of the previous frame have priority."""
     last: dict[int, int] = {}  # latest track id of each true object id
     before: dict[int, int] = {}  # track id of each true object id in the previous frame
     pairs, switches = [np.empty((0, 2), np.int64)], 0

@@ -201,7 +201,7 @@ def _of_lanes(frames: FrameSequence) -> bool:
 
 
 def _across(road: Road, s: float, sign: int, pose: object, group: str) -> Line:
-    """Returns the line across a road at station s. Direction +1 is along `sign` times the road."""
+    """Returns the line across a road at station s. With `sign` -1, its direction +1 opposes s."""
     index = int(np.abs(road.s - s).argmin())
     heading = float(road.heading[index]) + (0 if sign > 0 else np.pi)
     left = np.array([-np.sin(heading), np.cos(heading)]) * (road.half_width[index] + 1)

@@ -234,7 +234,7 @@ def records(tracks: Tracks, time_s: float) -> list[dict[str, object]]:
 
 
 def boxes_of_detections(values: Any, scores: Any, names: Any) -> Boxes:
-    """Returns the boxes of a detector: (n, 7), scores (n,) and names (n,)."""
+    """Converts boxes of a detector: values (n, 7), scores (n,) and names (n,) of types."""
     kinds = pd.Index(TYPES).get_indexer(names)
     known = kinds >= 0
     votes = np.zeros((int(known.sum()), len(TYPES)))

@@ -32,7 +32,7 @@ def transition(dt_s: float) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def _unit_noise(dt_s: float) -> FloatArray:
-    """Returns the covariance (3, 3) of one axis after dt_s, for a deviation of 1 m/s2."""
+    """Returns the covariance (3, 3) of one axis after dt_s for an acceleration noise of 1 m/s2."""
     times, weights = dt_s * (_NODES + 1) / 2, dt_s * _WEIGHTS / 2
     columns = [transition(float(time))[::2, 4:5] for time in times]
     parts = [w * column @ column.T for w, column in zip(weights, columns, strict=True)]

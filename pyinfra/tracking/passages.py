@@ -77,7 +77,11 @@ def _unseen(rows: pd.DataFrame) -> BoolArray:
 def _crossings(
     values: FloatArray, ids: IntArray, line: Line
 ) -> tuple[IntArray, FloatArray, IntArray, FloatArray] | None:
-    """Returns the row before each passage, share of the step, sign, and offset along the line."""
+    """Returns four values of each passage; None if there is no passage.
+
+    They are the row before it, its share of the step to the next row, its direction (1 or -1), and
+    its offset along the line.
+    """
     start, end = np.array(line.start), np.array(line.end)
     along = (end - start) / line.length_m
     left = np.array([-along[1], along[0]])

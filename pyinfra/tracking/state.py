@@ -45,7 +45,7 @@ class Boxes(Rows):
         return axes(self.values[:, 6], along, ACROSS_M + ACROSS_PER_M * distance)
 
     def merged(self) -> Boxes:
-        """Returns the boxes without those that mostly lie in a better box.
+        """Returns the boxes without those that mostly overlap a box with a higher score.
 
         A detector of several types returns a box for each type that an object may have. The box
         that stays gets the score of each type.

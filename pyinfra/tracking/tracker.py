@@ -129,7 +129,7 @@ class Tracker:
         t.state, t.covariance = motion.predict(t.state, t.covariance, dt_s, t.noise)
 
     def _assign(self, boxes: Boxes) -> tuple[IntArray, IntArray]:
-        """Returns the indices of tracks and of their boxes, sure boxes first."""
+        """Returns indices of tracks and of their boxes; boxes with high scores come first."""
         distance, size = self._distance(boxes)
         size += OTHER_KIND * (self.tracks.person[:, None] != boxes.person)
         cost = np.where(distance < GATE, distance + size, NEVER)
@@ -225,7 +225,7 @@ class Tracker:
         self.tracks = concatenated([self.tracks, new])
 
     def _death(self, time_s: float) -> None:
-        """Ends tracks that were missed for too long, doubtful ones, and second tracks of one
+        """Ends tracks without a recent box, tracks with low odds, and second tracks of one
         object."""
         t = self.tracks
         doubtful = t.odds < np.where(t.confirmed, -self.settings.confirmed, -1)
@@ -233,7 +233,7 @@ class Tracker:
         self.tracks = t.select(np.flatnonzero(~doubled(t)))
 
     def _lasting(self, time_s: float) -> BoolArray:
-        """Returns which tracks were not missed for too long at a time."""
+        """Returns which tracks have a last box that is recent enough at a time."""
         t, settings = self.tracks, self.settings
         patient = t.confirmed & (t.hidden | (t.speed() < MOVES_M_S))
         allowed_s = np.where(patient, settings.hidden_s, settings.missed_s)
@@ -258,7 +258,7 @@ def covered(boxes: FloatArray, others: FloatArray) -> BoolArray:
 
 
 def doubled(t: Tracks) -> BoolArray:
-    """Returns which tracks are a second track of an object that has been seen more often.
+    """Returns which tracks follow an object that another, more often seen track follows too.
 
     Such a track lies mostly in the other's box, or it drives closer to the other than drivers do.
     The cause is that detectors return separate boxes at the ends of buses.

@@ -201,7 +201,7 @@ def region_window(view: Snapshot) -> DrawnArea:
 
 
 def qualities(views: Iterable[Snapshot]) -> list[Quality]:
-    """Returns QUALITIES, and also PEOPLE if a view has pedestrians or cyclists: the box styles."""
+    """Returns the box styles: QUALITIES, and PEOPLE if a view has pedestrians or cyclists."""
     return [*QUALITIES, *([PEOPLE] if any(view.are_people.any() for view in views) else [])]
 
 

@@ -91,7 +91,7 @@ def distance_ap(table: pd.DataFrame) -> Figure:
 
 
 def areas(distance: pd.DataFrame) -> Figure:
-    """Draws stacked bars of the areas by quality per LiDAR, with a panel per ground truth."""
+    """Draws stacked bars of detection areas by quality per LiDAR, a panel per ground truth."""
     with mpl.rc_context(STYLE), sns.axes_style("whitegrid", {"axes.grid.axis": "y"}):
         lidars = list(distance.lidar.unique())
         figure, parts = _panels(distance, (1.2 * len(lidars) + 1.6, 3.4))
@@ -111,7 +111,7 @@ def areas(distance: pd.DataFrame) -> Figure:
 def areas_plan(
     distance: pd.DataFrame, roads: Sequence[Road], sensor: tuple[float, float] | None = None
 ) -> Figure:
-    """Draws the areas on the plan of the road, in the world frame.
+    """Draws the detection areas on the plan of the road, in the world frame.
 
     A window is drawn as 5 m of road around the middle of the window. distance: rows of one LiDAR,
     of windows or square cells. sensor: x and y in the world frame, drawn as a triangle.

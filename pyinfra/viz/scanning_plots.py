@@ -72,7 +72,7 @@ def points_per_vehicle(table: pd.DataFrame) -> Figure:
 
 
 def quality(table: pd.DataFrame) -> Figure:
-    """Draws stacked shares of vehicles of set `common` by quality and distance.
+    """Draws stacked shares of the vehicles of the subset `common` by quality and distance.
 
     The qualities are missed, low, medium and high, by number of points.
     """
@@ -127,7 +127,7 @@ def speeds(table: pd.DataFrame) -> Figure:
 
 
 def lit_share(table: pd.DataFrame) -> Figure:
-    """Draws the share of the field of view that is hit by a ray against integration time."""
+    """Draws, against integration time, the share of the field of view that rays hit."""
     figure, axes = panels(table.preset.unique(), [""], size=(4.2, 3.2))
     for ax, preset, _ in axes:
         for name, lidar in _lidars(table[table.preset == preset], table):

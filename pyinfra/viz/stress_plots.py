@@ -96,7 +96,7 @@ def _line(
 
 
 def _reach(curve: pd.DataFrame) -> list[pd.Series]:
-    """Returns the lengths of the interval's parts below and above AP; 0 for a part without AP."""
+    """Returns the lengths of the interval's parts below and above AP; 0 if AP is unknown."""
     low, high = curve.ap_r1000 - curve.ap_r1000_low, curve.ap_r1000_high - curve.ap_r1000
     return [low.clip(lower=0).fillna(0), high.clip(lower=0).fillna(0)]
 

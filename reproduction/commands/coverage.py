@@ -29,10 +29,10 @@ SCENES = ("highway", "curve", "crossroad")
 SPANS_S = (90, 250, 500)
 RUN_S, APART_S = 500, 0.5
 REPLICATES = 200
-# correlation times of a vehicle's detection probability and of the rate of false positives
+# correlation times (s) of a vehicle's detection probability and of the rate of false positives
 CHANGES_S, BOUTS_S = 4.0, 5.0
 OF_THE_VEHICLE = 0.6  # share of the spread that is constant in time for each vehicle
-LOSS_PER_M = 1.2 / 50  # decrease of the logit per metre of distance
+LOSS_PER_M = 1.2 / 50  # decrease of the logit of the detection probability per metre
 
 
 @dataclass(frozen=True)

@@ -113,7 +113,7 @@ class Replicate:
         return self.named(LIDARS)
 
     def named(self, lidars: Sequence[str]) -> list[str]:
-        """Returns `lidars` with the scene's bundle of Avias, if there is one, for the Avia."""
+        """Returns `lidars`, in which the scene's bundle of Avias, if any, replaces the Avia."""
         bundle = BUNDLES.get(self.scene)
         return [bundle if bundle and name == "livox_avia" else name for name in lidars]
 

@@ -59,7 +59,7 @@ def by_distance(table: pd.DataFrame) -> pd.Series:
 def points_ladder(
     severity: str, models: dict[str, dict[str, object]], frames: range, preset: str
 ) -> pd.DataFrame:
-    """Returns points per vehicle by distance under each model, and their change to the first model.
+    """Returns points per vehicle by distance for each model, and their change from the first one.
 
     Parameters
     ----------

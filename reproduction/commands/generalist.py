@@ -1,7 +1,8 @@
 """Compares the AP of the pretrained detector with the AP of site-trained detectors.
 
 An experiment has a site, a traffic seed and a LiDAR. The sites are generated ones that the training
-of the pretrained detector did not use. Each experiment tests four arms:
+of the pretrained detector did not use. Each experiment tests four arms,
+which are ways to train a detector:
 
 - `none`: the pretrained detector without further training;
 - `tuned_30` and `tuned_120`: the pretrained detector after about 30 and 120 s of training on one

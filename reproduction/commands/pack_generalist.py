@@ -79,7 +79,7 @@ def boxes_at(
 def rows_of(
     experiments: Sequence[ScoredBoxes], lines: Mapping[ObjectClass, tuple[float, float]]
 ) -> Iterator[dict[str, object]]:
-    """Yields precision and recall of the shown boxes, and the values that scores predict.
+    """Yields precision and recall of the shown boxes: measured, and predicted by the scores.
 
     There is a row for the vehicles and one for the people of each site and LiDAR.
     """

@@ -154,7 +154,7 @@ def order_rows(table: pd.DataFrame) -> list[dict[str, object]]:
 def units_rows(
     site_number: int, frames: int, work: Path, out: Path, made_by: dict[str, object]
 ) -> None:
-    """Plans and measures both options at a site, unless the table already has the site's rows."""
+    """Plans and measures one WIDE, and several NARROW LiDARs, at a site without rows in `out`."""
     seed = FIRST_CHECK_SITE + site_number
     keys = [{"site": seed, "lidar": lidar, "seed": 1} for lidar in (WIDE, NARROW)]
     if all(rows_store.has_each(rows_store.read(out), keys)):

@@ -98,7 +98,7 @@ def rows_of(
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Returns the share of intervals of test sites that contain the mean, and their half-width.
+    """Returns how many intervals of plans contain the mean of other traffic, and their widths.
 
     `agree_percent` allows for the uncertainty of the mean: the share of differences that are at
     most the root of the sum of the squared half-widths of both intervals.

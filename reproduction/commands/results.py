@@ -108,6 +108,6 @@ def show(
 
 
 def expected_h(part: engine.Part, record: pd.DataFrame) -> float:
-    """Returns the CPU hours of the last run of the same words, or the estimate in `steps`."""
+    """Returns the CPU hours of the last run of the same command, or the estimate in `steps`."""
     same = record[record.command == part.words]
     return float(same.cpu_s.iloc[-1]) / 3600 if len(same) else part.cpu_h

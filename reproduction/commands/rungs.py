@@ -62,7 +62,7 @@ RUNGS: dict[str, tuple[Keys, tuple[str, ...]]] = {
 
 
 def changed_file(name: str, rung: str, folder: Path) -> Path:
-    """Writes a LiDAR of the catalogue with the changes of a rung to a folder; returns its file."""
+    """Writes a catalogue LiDAR with the changed keys of a rung to a folder; returns its file."""
     file = ROOT / "configs/lidars" / f"{name}.yaml"
     text = yaml.safe_load(file.read_text())
     preset = text["presets"]["datasheet"]

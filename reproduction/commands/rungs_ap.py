@@ -28,7 +28,7 @@ DETECTORS = ("background", "pretrained")
 
 
 def simulated(rung: str, seed: int, folder: Path) -> None:
-    """Writes the frames of all LiDARs of a rung."""
+    """Writes the frames of all LiDARs of a rung, a change of one LiDAR model (see `rungs`)."""
     with tempfile.TemporaryDirectory() as configs:
         files = [changed_file(name, rung, Path(configs)) for name in FOUR]
         options = {"frames": FRAMES, "preset": "datasheet", "seed": seed}

@@ -212,10 +212,10 @@ def planned(count: int) -> int:
 
 
 def means_of(rows: pd.DataFrame, compared: str) -> pd.DataFrame:
-    """Returns the means over test seeds: a row per replicate that has the AP of each name.
+    """Returns means over test seeds: a row for each replicate that has all LiDARs or detectors.
 
-    The columns are pairs of a measure and a name in the column `compared`, which is the LiDAR or
-    the detector. A mean is NaN if the value of a seed is NaN.
+    The columns are pairs of a measure and a LiDAR or detector, whose column in `rows` is
+    `compared`. A mean is NaN if the value of a seed is NaN.
     """
     by_name = rows.groupby(["replicate", compared])[MEASURES]
     means = by_name.agg(lambda seeds: seeds.mean(skipna=False)).unstack()

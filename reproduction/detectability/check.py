@@ -242,13 +242,13 @@ def per_group(table: pd.DataFrame, of: Callable[[pd.DataFrame], float]) -> Float
 
 
 def _over_poses(of: OfPair, a: str, b: str, group: pd.DataFrame) -> float:
-    """Returns `of` of two columns, each averaged over the seeds of a pose."""
+    """Applies `of` to the means of two columns over the seeds of each pose."""
     means = group.groupby("pose")[[a, b]].mean()
     return of(means[a].to_numpy(), means[b].to_numpy())
 
 
 def _over_seeds(of: OfPair, column: str, group: pd.DataFrame) -> float:
-    """Returns `of` of one seed and the mean of the other seeds, averaged over the seeds."""
+    """Applies `of` to each seed and the mean of the other seeds; returns the mean result."""
     values = np.asarray(group.pivot(index="pose", columns="seed", values=column), float)
     others = (np.delete(values, s, axis=1).mean(1) for s in range(values.shape[1]))
     return float(np.mean([of(one, other) for one, other in zip(values.T, others, strict=True)]))

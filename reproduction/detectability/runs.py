@@ -155,7 +155,7 @@ def store(run: Run, frames: int, work: Path) -> None:
 
 
 def boxes_of(result: Evaluation | None, outcome: str) -> pd.DataFrame:
-    """Returns frame, id and score of the boxes with an outcome."""
+    """Returns frame, object id and score of the boxes with this `outcome` of the matching."""
     if result is None:
         return pd.DataFrame({"frame": [], "id": [], "score": []}, dtype=float)
     rows = result.matches[result.matches.outcome == outcome]

@@ -115,7 +115,7 @@ def versus(
     label: str,
     **axes: Any,
 ) -> Panel:
-    """Returns a drawing of the values of one scene against the paper's.
+    """Returns a plot of the values of one scene against the paper's values.
 
     Parameters
     ----------

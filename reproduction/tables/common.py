@@ -57,9 +57,9 @@ def rows_with(table: pd.DataFrame, **values: object) -> pd.DataFrame:
 
 
 def with_frames(make: Callable[[], str]) -> str:
-    """Returns a table, followed by a sentence that names the frames on which it rests.
+    """Returns a table, followed by a sentence that names its `frames_version`.
 
-    Raises Error if the table rests on frames of several numbers.
+    Raises Error if the table is made from results with different values of `frames_version`.
     """
     _used.clear()
     text = make()
@@ -71,13 +71,13 @@ def with_frames(make: Callable[[], str]) -> str:
 
 
 def frames_of_results() -> str:
-    """Returns the sentence on the frames of all tables of results, or one for each number."""
+    """Returns the sentence on the `frames_version` of all results, or a table of the versions."""
     names: dict[int, list[str]] = {}
     for file in sorted((ROOT / "results").glob("*.csv")):
         if file.stem not in WITHOUT_FRAMES:
             names.setdefault(number_of(_read(file.stem), file.name), []).append(f"`{file.stem}`")
     if len(names) == 1:
-        return f"The tables are measured{sentence(*names).removeprefix('Measured')}\n"
+        return f"{sentence(*names)}\n"
     rows = ([sentence(number), ", ".join(some)] for number, some in sorted(names.items()))
     return markdown(["frames", "tables of `results/`"], rows)
 

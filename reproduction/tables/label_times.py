@@ -92,7 +92,7 @@ def cut_angles() -> Rows:
 
 
 def _probability(table: FloatArray) -> float:
-    """Returns p of a difference between columns; the rows (replicates) are blocks."""
+    """Returns the p-value of differences between columns; the rows (replicates) are blocks."""
     blocks, groups = table.shape
     centred = table - table.mean(axis=1, keepdims=True)
     effect = centred.mean(axis=0)

@@ -54,7 +54,7 @@ class Relative:
 
 
 def changes() -> pd.DataFrame:
-    """Returns the change of the points per vehicle in percent, by rung, LiDAR, band and seed."""
+    """Returns the change of points per vehicle in percent, by model, LiDAR, band and seed."""
     table = results("rungs")
     table = table[table.points_default > 0]
     return table.assign(change=100 * (table.points_rung / table.points_default - 1))

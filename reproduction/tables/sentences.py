@@ -40,7 +40,7 @@ OPEN = (UNDECIDED, NOT_KNOWN)
 def known(condition: bool, sentence: str) -> str:
     """Returns a sentence that the tables support. Raises Error if they do not."""
     if not condition:
-        raise Error(f"results/: the values do not support this sentence; correct it: {sentence}")
+        raise Error(f"results/: correct this sentence, which the values contradict: {sentence}")
     return sentence
 
 
@@ -114,16 +114,16 @@ def of_both(claim: str) -> str:
     count = (rows.verdict != ONE).sum()
     decided = rows[~rows.verdict.isin([ONE, *OPEN])]
     start = "These results are for the fine-tuned detector."
-    rules = "[rules](../verdict_rules.md#detectors-that-decide)"
+    second = "the [second detector](../verdict_rules.md#detectors-that-decide)"
     if not count:
-        return f"{start} PointPillars, the second detector of the {rules}, was not measured."
+        return f"{start} PointPillars, {second} on which a verdict is based, was not measured."
     listed = (f"`{verdict}` {where(part)}" for verdict, part in decided.groupby("verdict"))
     verdict = f"The verdict of both detectors is {'; '.join(listed)}."
     end = verdict if len(decided) else "No difference is significant with both detectors."
     cases = f"{NUMBERS[count]} of {NUMBERS[len(rows)]} cases"
     return (
-        f"{start} With PointPillars, the second detector of the {rules}, the difference was "
-        f"measured in {cases}. {end}"
+        f"{start} A verdict is also based on PointPillars, {second}, which was measured in "
+        f"{cases}. {end}"
     )
 
 
@@ -196,9 +196,9 @@ def detector_decides() -> str:
         "**The difference depends on the detector.** PointPillars was trained from scratch at the "
         "scene, as in the study, on the highway with the settings of the study. With this network, "
         f"the Avia's AP minus that of the Ruby Plus is {difference(row)}. The verdict on the claim "
-        f"`comparable` is `{row.verdict}`. PV-RCNN and DSVT were trained once. With them, the "
-        f"difference is {joined([tenth(value) for value in once])} AP, without an interval. The "
-        "page on [detectors](detectors.md) compares these networks."
+        f"`comparable` is `{row.verdict}`. PV-RCNN and DSVT were trained once. With "
+        f"these networks, the difference is {joined([tenth(value) for value in once])} AP, without "
+        "an interval. The page on [detectors](detectors.md) compares these networks."
     )
 
 
@@ -273,9 +273,9 @@ def claims_of_detectors() -> str:
     known(bool((spread < 5).all()), "the three networks are within 5 AP")
     known(behind[WIDE] > 20 > behind[AVIA] > 0, "PointRCNN is far behind with the Ruby Plus")
     return (
-        f"In these trainings, the three networks differ by {span(spread, 1)} AP. As in the "
-        f"study, the AP of PointRCNN with the Ruby Plus is {behind[WIDE]:.0f} lower than the "
-        f"highest of the three. With the Avia, it is {behind[AVIA]:.0f} lower."
+        f"In these trainings, the AP of the three networks differs by {span(spread, 1)} at most. "
+        f"As in the study, the AP of PointRCNN with the Ruby Plus is {behind[WIDE]:.0f} lower than "
+        f"the highest of the three. With the Avia, the AP of PointRCNN is {behind[AVIA]:.0f} lower."
     )
 
 

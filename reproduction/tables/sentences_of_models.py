@@ -47,7 +47,7 @@ def failures() -> str:
         f"With every detector, a yaw error of {span(yaw, 2)} degrees lowers the AP by 10. A height "
         f"error of {span(height, 1)} m also lowers the AP by 10. With networks, a pitch error of "
         f"{min(networks.values()):.1f} degrees can lower the AP by 10. With Background, a pitch "
-        f"error of {min(background):.2f} degrees can do so. "
+        f"error of {min(background):.2f} degrees can lower it by 10. "
         f"{_tolerant(('rain', 'fog', 'drop_out'))}"
     )
 
@@ -79,15 +79,15 @@ def integration() -> str:
         return f"{slow} at 20 km/h, and {fast} at 62 km/h"
 
     return (
-        "The frames of 0.5 s of the Avia are merged into one cloud with one label. With the label "
+        "The Avia's frames of 0.5 s are merged into one cloud. With the label "
         f"of the middle frame, the merging {effects('middle')}. Boxes are then available only "
-        "after the later frames. Real-time detection needs the label of the last frame. With this "
+        "after the last frame. Real-time detection needs the label of the last frame. With this "
         f"label, the merging {effects('newest')}."
     )
 
 
 def _effect(change: Interval) -> str:
-    """Returns the verb of a change of AP."""
+    """Describes a change of AP, as in `raises the AP by 1.2`."""
     if not change.is_significant:
         return "does not change the AP significantly"
     return f"{'raises' if change.low > 0 else 'lowers'} the AP by {abs(change.value):.1f}"
@@ -191,7 +191,7 @@ def people() -> str:
     narrow = [end[name] for name in ("helios_16", "velodyne_vlp_16")]
     return (
         "LiDARs with 128 lines have at least 5 points per frame on a pedestrian up to a distance "
-        f"of {span(wide)} m. LiDARs with 16 lines have as many points up to {span(narrow)} m."
+        f"of {span(wide)} m. LiDARs with 16 lines have at least 5 points up to {span(narrow)} m."
     )
 
 

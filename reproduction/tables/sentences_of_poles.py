@@ -35,7 +35,8 @@ def places() -> str:
         f"Houses hide {hidden['back']:.0f} % of the vehicles from the pole before the crossing, "
         f"and {hidden['6m']:.0f} % from the pole at the corner. Only the AP of all vehicles "
         "includes hidden vehicles. At the corner, a LiDAR at 8 m has fewer hidden vehicles "
-        "than a LiDAR at 6 m. But its AP of all vehicles is lower, even if it is tilted down. "
+        "than a LiDAR at 6 m. But the AP of all vehicles is lower with the LiDAR at 8 m, even if "
+        "this LiDAR is tilted down. "
         f"A second pole of 6 m raises the AP by {adds}.{others}"
     )
 

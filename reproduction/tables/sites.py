@@ -234,10 +234,10 @@ def _mean(values: pd.Series) -> str:
 
 
 def change_of(aps: Aps, changed: tuple[int, str], to: tuple[int, str]) -> Interval:
-    """Returns the difference of two entries, paired by seed."""
+    """Returns the AP of `changed` minus that of `to`, paired by seed."""
     return over_replicates((aps[changed] - aps[to]).dropna().to_list())
 
 
 def _change(aps: Aps, changed: tuple[int, str], to: tuple[int, str]) -> str:
-    """Formats the difference of two entries; returns "" if one is missing."""
+    """Formats the result of `change_of`; returns "" if an AP is missing."""
     return signed(change_of(aps, changed, to)) if changed in aps and to in aps else ""

@@ -107,7 +107,7 @@ def _verdict(rows: pd.DataFrame, key: tuple[str, ...]) -> str:
 
 
 def with_interval(claim: str, value: float, low: float, high: float) -> str:
-    """Formats a claim's value, with the decimals that show the interval's ends off the limits."""
+    """Formats a value and interval, with enough decimals to tell the ends from the limits."""
     limits = next((c.low, c.high) for c in CLAIMS if c.name == claim)
     ends = [(end, limit) for end in (low, high) for limit in limits if end != limit]
     digits = next(k for k in range(1, 17) if all(round(end, k) != limit for end, limit in ends))

@@ -57,7 +57,7 @@ def of_scanning() -> pd.DataFrame:
 
 
 def difference_is_clear(row: pd.Series) -> bool:
-    """Returns True if the values of two versions differ by more than chance explains.
+    """Returns True if the values of two versions differ significantly.
 
     The interval of the difference has the confidence level of both intervals. The traffic and the
     trainings of the versions are independent.
@@ -81,7 +81,7 @@ def with_frames_of_both(make: Callable[[], str]) -> Callable[[], str]:
 
 
 def counts_of(table: pd.DataFrame) -> tuple[int, int, int, int]:
-    """Returns the numbers of verdicts, of changed ones, of reversed ones, and of changed values.
+    """Returns the numbers of verdicts, changed verdicts, reversed verdicts and changed values.
 
     A reversed verdict was `holds` and is `fails`, or the other way round.
     """
@@ -117,8 +117,8 @@ def _sentences(subject: str, table: pd.DataFrame) -> str:
     every, changed, reversed_ones, values = (number or "none" for number in counts_of(table))
     return (
         f"Of the {every} verdicts on {subject}, {changed} changed, and {reversed_ones} changed "
-        f"from `holds` to `fails` or the reverse. Of the {every} values, {values} changed by "
-        "more than chance explains."
+        f"from `holds` to `fails` or the reverse. Of the {every} values, {values} changed "
+        "significantly: the interval of the change excludes 0."
     )
 
 

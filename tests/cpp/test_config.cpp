@@ -287,8 +287,8 @@ TEST(scene_file, a_barrier_across_another_roads_lanes_is_an_error) {
 }
 
 TEST(scene_file, a_barrier_or_gantry_beyond_its_road_is_an_error) {
-  expect_scene_error("from_m: 10, to_m: 60", "from_m: 300 #!\n", "from_m", "beyond");
-  expect_scene_error("s_m: 30", "s_m: 300 #!\n", "s_m", "beyond");
+  expect_scene_error("from_m: 10, to_m: 60", "from_m: 300 #!\n", "from_m", "got 300");
+  expect_scene_error("s_m: 30", "s_m: 300 #!\n", "s_m", "got 300");
 }
 
 TEST(scene_file, an_unknown_road_is_an_error) {

@@ -31,7 +31,7 @@ from reproduction.tables import common
 NOW = str(simulation.frames_version())
 V0_3 = ROOT / "tests/data/v0_3"
 VERSION_3 = model_file(Path("generalist-3"))
-NOTE = re.compile(r"easured on frames of simulator version \d+\.\d+ \(`frames_version` \d+\)\.")
+NOTE = re.compile(r"The frames are from simulator version \d+\.\d+ \(`frames_version` \d+\)\.")
 
 
 def recorded_as(data: Path, line: str) -> None:
@@ -209,7 +209,8 @@ def test_a_table_names_the_number_of_its_rows(recorded: Callable[..., None]) -> 
     for name, numbers, expected in (("old", (None, None), 3), ("new", (4, 4), 4)):
         recorded(name, *numbers)
         assert made(name).endswith(f"| 2 |\n\n{sentence(expected)}\n")
-    assert sentence(4) == "Measured on frames of simulator version 0.5 (`frames_version` 4)."
+    simulator = "simulator version 0.5 (`frames_version` 4)"
+    assert sentence(4) == f"The frames are from {simulator}."
 
 
 def test_a_table_of_several_numbers_is_refused(recorded: Callable[..., None]) -> None:
@@ -227,7 +228,7 @@ def test_a_table_of_several_numbers_is_refused(recorded: Callable[..., None]) ->
 def test_the_index_lists_the_tables_of_each_number(recorded: Callable[..., None]) -> None:
     recorded("old", None)
     assert common.frames_of_results() == (
-        "The tables are measured on frames of simulator version 0.4 (`frames_version` 3).\n"
+        "The frames are from simulator version 0.4 (`frames_version` 3).\n"
     )
     recorded("new", 4)
     text = common.frames_of_results()

@@ -500,7 +500,7 @@ def test_a_run_on_a_stream_goes_on_to_the_same_bytes(tmp_path: Path) -> None:
 
 def test_background_learns_from_no_stream(tmp_path: Path) -> None:
     recipe = read_recipe(configs() / "detectors/background.yaml", "smoke")
-    with pytest.raises(ValueError, match="background: expected one LiDAR at one site, got a"):
+    with pytest.raises(ValueError, match="background: expected frames of one LiDAR, got a"):
         train(recipe, site_stream(PLAN, FEW), tmp_path / "run")
 
 

@@ -480,7 +480,7 @@ def test_replicates_of_other_vehicles_are_an_error(
     assert main.main(["recommend", str(results), "--budget", "8000"]) == 2
     rows = "quick_replicates.csv, row 2 and quick_replicates.csv, row 6"
     assert (
-        f"{rows}: vehicles_digest: expected the same value in both, got w and another"
+        f"{rows}: vehicles_digest: expected the same value in both rows, got w and another"
         in capsys.readouterr().err
     )
 

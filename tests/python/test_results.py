@@ -82,7 +82,7 @@ def test_the_lidars_of_the_project_are_in_range() -> None:
         ("a,b\n1\n", "t.csv:2: expected 2 columns, got 1"),
         ("a,b\n1,2,3\n", "t.csv:2: expected 2 columns, got 3"),
         ("a,b\n1,2\n\n3,4\n", "t.csv:3: expected 2 columns, got 0"),
-        ("a,a\n1,2\n", "t.csv:1: expected different column names, got column a twice"),
+        ("a,a\n1,2\n", "t.csv:1: expected each column name once, got column a twice"),
         ("a,b\n1,x\n", "t.csv:2: b: expected a number or an empty cell, got 'x'"),
         ('a,b\n1,"2\n', "t.csv: cannot be read as a table: unexpected end of data"),
         ("a,b\n1,\0\n", "t.csv"),

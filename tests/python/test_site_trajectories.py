@@ -283,7 +283,7 @@ def test_links_bridge_a_lost_frame_and_never_join_two_classes() -> None:
 
 
 BROKEN = {
-    "empty": ("", ":1: expected different column names, got an empty file"),
+    "empty": ("", ":1: expected each column name once, got an empty file"),
     "no rows": (data.HEADER, "expected one or more rows, got none"),
     "no column": (
         "t,id,class,x,y\n0,1,Car,1,1\n",

@@ -18,7 +18,8 @@
 namespace infrasim {
 
 /// The static layer of each unit of each LiDAR. An entry is null if the pattern never repeats, if
-/// beams have sub-rays everywhere, or if the layer is too large or costs more time than it saves.
+/// beams have sub-rays at every distance, if the layer is too large, or if it costs more time than
+/// it saves.
 /// The simulators of all threads share the layers. If the outer vector is empty, all rays are cast.
 using StaticLayers = std::vector<std::vector<std::shared_ptr<const StaticLayer>>>;
 /// Makes static layers. A layer is read if the scene names a file for it. Other layers are cast, up

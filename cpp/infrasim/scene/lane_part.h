@@ -28,8 +28,9 @@ struct LanePart {
   bool contains(Vec2 point, double beside) const;
 };
 
-/// The parts of a lane within `radius` of the sensor's foot, in the direction of travel. The second
+/// Returns the parts of a lane within `radius` of `foot`, in the direction of travel. The second
 /// and further parts are named NAME_2 and so on. Parts shorter than 0.1 m are left out.
+/// @param foot point vertically below the sensor
 std::vector<LanePart> parts_within(const LanePath& lane, Vec2 foot, double radius);
 
 }  // namespace infrasim

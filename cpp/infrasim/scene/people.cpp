@@ -184,8 +184,8 @@ People::People(const SceneConfig& scene, std::span<const Curve> centrelines) {
     step_ += static_cast<int>(rows_.back().size());
     if (step_ > kMostPeople)
       config::fail(row.place, "per_km",
-                   "expected up to " + std::to_string(kMostPeople) + " people, got " +
-                       std::to_string(step_) + " up to this row");
+                   "expected at most " + std::to_string(kMostPeople) +
+                       " people in the rows down to this one, got " + std::to_string(step_));
   }
 }
 

@@ -5,7 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "infrasim/config/fields.h"
 #include "infrasim/config/scene_config.h"
+#include "infrasim/core/numbers.h"
 #include "infrasim/scene/curve.h"
 
 namespace infrasim {
@@ -43,7 +45,8 @@ double end_of(const Curve& centreline, const Row& row) {
   const double to = std::min(row.to_m, centreline.length());
   if (row.from_m >= to)
     config::fail(row.place, "from_m",
-                 "expected a value before to_m and the road's end, got one beyond");
+                 "expected less than the smaller of to_m and the length of the road, " +
+                     fixed_text(to, 2) + " m, got " + config::number_text(row.from_m));
   return to;
 }
 

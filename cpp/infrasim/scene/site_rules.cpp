@@ -152,7 +152,7 @@ class RoadRules {
     });
     if (met != nullptr)
       config::fail(road.place, "embankment",
-                   "expected a slope below and beside roads, got one on '" +
+                   "expected slopes that cross no road, got a slope across '" +
                        site_.scene.roads[met->of].name + "' near " + at_text(met->middle()));
   }
 

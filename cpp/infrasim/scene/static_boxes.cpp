@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "infrasim/config/fields.h"
+#include "infrasim/core/numbers.h"
 #include "infrasim/scene/vegetation.h"
 
 namespace infrasim {
@@ -26,7 +27,9 @@ std::vector<StaticBox> static_boxes(const SceneConfig& scene, std::span<const Cu
   for (const GantryConfig& g : scene.gantries) {
     const auto [road, curve] = road_named(scene, centrelines, g.road, g.place);
     if (g.s_m > curve.length())
-      config::fail(g.place, "s_m", "expected a value up to the road's end, got one beyond");
+      config::fail(g.place, "s_m",
+                   "expected at most the length of the road, " + fixed_text(curve.length(), 2) +
+                       " m, got " + config::number_text(g.s_m));
     const CurvePoint foot = curve.at(g.s_m);
     const double leg = carriageway_half_width(road.lanes) + kLegGap;
     const double z = road.elevation_m;

@@ -13,7 +13,7 @@ from pyinfra.experiments.value import KEY
 
 # Expected CPU time of an experiment in seconds, used until the first experiment is finished.
 SECONDS = {"smoke": 60.0, "quick": 400.0, "full": 4000.0}
-BACKGROUND_S = 20.0  # the same for the detector background, in all tiers
+BACKGROUND_S = 20.0  # expected CPU time with the detector `background`, in all tiers
 
 
 def dry_run_lines(plan: Plan, workspace: Workspace, jobs: int) -> str:

@@ -149,7 +149,7 @@ def check_frames(hits: Path, wanted: pd.DataFrame) -> None:
         row = other.iloc[0]
         raise ConfigError(
             f"{hits}: {row.scene} {row.preset} {row.lidar}: expected rows of this benchmark, got "
-            "rows of a different scene, LiDAR, range of frames or split with these names; "
+            "rows of a different scene, LiDAR, range of frames or split with the same names; "
             "choose a different `out`"
         )
 

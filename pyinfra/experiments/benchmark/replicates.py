@@ -31,7 +31,7 @@ class ExperimentReplicates:
 
     @cached_property
     def _numbers(self) -> dict[tuple[str, ...], int]:
-        """The row number of each ground truth, measure and experiment; of several, the first."""
+        """The first row number with each combination of ground truth, measure and experiment."""
         if self.rows.empty:
             return {}
         columns = [self.rows[name].astype(str) for name in ("ground_truth", "measure", *KEY)]
@@ -39,7 +39,7 @@ class ExperimentReplicates:
         return {key: number for number, key in numbered}
 
     def alike(self, best: Key, others: Iterable[Key], ground_truth: str) -> list[int]:
-        """Returns the indices of the `others` whose AP (R1000) is not significantly different.
+        """Returns indices of `others` whose AP (R1000) does not differ significantly from `best`.
 
         Each is compared with `best`. Experiments without bootstrap replicates are left out,
         because their difference has no interval. Raises Error for experiments whose replicates are

@@ -67,7 +67,10 @@ def answer_of(
     counting: Counting | None,
     cheaper: str = "",
 ) -> Answer:
-    """Makes the sentences. rows, every: tables of options, of candidates; cheaper: a sentence."""
+    """Makes the sentences of a plan.
+
+    rows: table of options. every: table of candidates. cheaper: sentence on a cheaper option.
+    """
     site, request, units = setting.site, setting.request, compared.units
     options = compared.stands[: compared.listed]
     frames = len(site.other_frames(setting.effort.check_frames))
@@ -87,9 +90,9 @@ def answer_of(
         " ".join(doubts(options[0], request, setting.law, units, site, every)),
     ]
     notes = [
-        "The shares are those of an hour of other traffic at this site. Their intervals contain "
-        "the traffic, the frames and, where they are predicted, the error at unseen sites; not the "
-        "difference between simulation and reality.",
+        "The shares are those of an hour of other traffic at this site. Their intervals include "
+        "the uncertainty of the traffic, the frames and, where shares are predicted, unseen sites; "
+        "they do not include the difference between simulation and reality.",
         *how_chosen(options, rows, request, units),
         *left_out(every),
     ]

@@ -49,7 +49,7 @@ GRID_RANGES = {
 
 @dataclass(frozen=True)
 class PoseGrid:
-    """Spacing, heights and directions of the poses that are made."""
+    """Spacing, heights and directions of the poses that `make_candidates` makes."""
 
     every_m: float = 15.0
     heights_m: tuple[float, ...] = (4.0, 6.0, 8.0)
@@ -96,7 +96,7 @@ def make_candidates(site: PlanSite, within_m: float, grid: PoseGrid) -> pd.DataF
 
 
 def read_candidates(file: Path, site: PlanSite, grid: PoseGrid) -> pd.DataFrame:
-    """Reads poses from a CSV file. Heights, yaws or pitches that a row does not give are made.
+    """Reads poses from a CSV file. Missing heights, yaws and pitches are those of `grid`.
 
     Raises the errors of `read_poses`.
     """

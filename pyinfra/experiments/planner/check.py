@@ -1,4 +1,4 @@
-"""Checks the best options of a plan: they are simulated in full, and their shares are measured."""
+"""Checks the best options of a plan: simulates them in full, and measures what they find."""
 
 import math
 from collections.abc import Mapping

@@ -35,7 +35,7 @@ class Units:
     given: IntArray | None = None  # (n,) number of the user's position or -1; None if all are -1
 
     def given_at(self, unit: int) -> int:
-        """Returns the number of the position that the user gave for a unit, -1 if it was made."""
+        """Returns the number of the user's position of a unit; -1 if the plan made the position."""
         return -1 if self.given is None else int(self.given[unit])
 
     def names(self, units: Sequence[int]) -> list[str]:
@@ -74,7 +74,7 @@ class Units:
 
 @dataclass(frozen=True)
 class Choice:
-    """A set of units. No set of as many units within the budget has a `value` above `bound`."""
+    """A set of units. Within the budget, no set of this size has a `value` above `bound`."""
 
     units: tuple[int, ...]
     value: float

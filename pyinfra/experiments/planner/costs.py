@@ -228,7 +228,7 @@ def lowest_prices(
 def possible(
     poses: pd.DataFrame, lidars: Sequence[PlanLidar], costs: Costs, budget_usd: float
 ) -> BoolArray:
-    """Returns which pairs of pose and LiDAR are observed: (poses, lidars).
+    """Returns which pairs of pose and LiDAR the plan shall observe, shape (poses, lidars).
 
     These pairs are within the budget. A LiDAR that sees all around needs no second yaw at a place.
     Raises Error if there is no such pair.

@@ -33,7 +33,7 @@ LARGE, SMALL = ("Truck", "Bus"), ("Motorcycle", "Pedestrian")
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """Coefficients of a class: those of the fit in row 0, then those of its replicates."""
+    """Coefficients of a class: row 0 is from the fit, the others are from bootstrap replicates."""
 
     detection: FloatArray  # coefficients of detection probability, (1 + replicates, OBJECT_TERMS)
     false: FloatArray  # coefficients of the rate of false boxes, (1 + replicates, FALSE_TERMS)

@@ -146,7 +146,7 @@ def _best_singles(units: Units, model: IntArray, request: Request) -> Iterator[C
 
 
 def _best_pairs(units: Units, model: IntArray, request: Request) -> Iterator[Choice]:
-    """Yields the best pair of each two LiDAR models, by the numbers of poles and existing poles."""
+    """Yields the best pair for each two LiDAR models, number of poles and of existing poles."""
     i, j, missed = allowed_pairs(units, request)
     low, high = np.minimum(model[i], model[j]), np.maximum(model[i], model[j])
     same = units.place[i] == units.place[j]

@@ -178,7 +178,7 @@ def observe(
         some = where[chunk], wanted[chunk]
         if folder is None:
             return _observed(site.observer, some[0], lidars, some[1], frames)
-        # The file name is a hash of all inputs, so that other inputs give another file.
+        # The file name is a hash of all inputs, so that different inputs have different files.
         text = repr((inputs, *(one.tolist() for one in some)))
         file = folder / f"{hashlib.sha256(text.encode()).hexdigest()[:20]}.npy"
         rows = _kept(file)

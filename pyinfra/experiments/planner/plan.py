@@ -221,7 +221,7 @@ def plan(
     priced = read_costs(None if costs is None else path_of(costs, "costs"), years, law, period_s)
     if poses is not None:
         read_poses(path_of(poses, "poses"), scene_path(scene).parent)
-    # One seed for the predictions, and those of the simulations.
+    # The seed of the predictions, and the seeds of the simulations.
     further = 1 + min(max(check_frames, count is not None), SEEDS)
     site = open_site(
         scene, frames, preset=preset, seed=seed, centre_m=centre_m, period_s=period_s,

@@ -113,7 +113,7 @@ def partner_sums(probability: Float32Array, objects: Objects) -> FloatArray:
 
 
 def is_worse(sums: FloatArray, best: FloatArray, confidence: float) -> BoolArray:
-    """Returns which rows (n, frames) are below `best` (frames,) by a one-sided paired interval."""
+    """Returns which rows (n, frames) are significantly below `best` (frames,), one-sided."""
     gap, frames = best - sums, len(best)
     if frames < 2:
         return np.zeros(len(sums), bool)

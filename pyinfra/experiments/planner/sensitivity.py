@@ -48,7 +48,7 @@ DENSITY = "traffic.vehicles_per_km_lane"
 PERCENT = (-20, 20)
 PER_POLE = ("pole_usd", "installation_usd", "upkeep_usd")
 OTHERS = ("cable_usd", "computer_usd", "usd_per_kwh")
-# Prices that change together: whether LiDAR prices change, and which items of the costs change.
+# Groups of prices that change together: whether LiDAR prices are in a group, and its cost items.
 PRICES: dict[str, tuple[bool, tuple[str, ...]]] = {
     "LiDAR prices": (True, ()),
     "costs per pole": (False, PER_POLE),
@@ -234,7 +234,7 @@ def simulated_rows(
                 site, moved, request.detector, cut, setting.effort.check_frames,
                 scene=case.scene, yaw_error_deg=case.yaw_error_deg,
             )  # fmt: skip
-        except Error as error:  # a moved mast inside a house, or traffic that does not fit
+        except Error as error:  # for example, the mast was moved into a house
             text = f"what if: {case.name}: left out, because the simulator refuses it: {error}"
             warnings.warn(text, FindingWarning, stacklevel=2)
             continue

@@ -22,10 +22,10 @@ LISTED = 3  # number of options that are described in full
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """The options of a plan, the chosen one first, and the figures on which the verdict rests."""
+    """The options of a plan, the chosen one first, and the figures that decide the verdict."""
 
     options: Sequence[Choice]
-    best: Sequence[Choice]  # best options of this request; others are best for other settings
+    best: Sequence[Choice]  # options that are best for this request, not for others
     listed: int  # number of options in the table; the other options are those of the front
     units: Units
     goals: tuple[Goal, ...]  # goals, counted over the objects of `unseen`
@@ -115,7 +115,7 @@ def in_order(options: Sequence[Choice], standings: Standings, request: Request) 
 
 
 def _beats(one: Choice, other: Choice, standings: Standings) -> bool:
-    """Returns whether `one` is cheaper than `other` and no worse; both must be simulated."""
+    """Returns whether two options are simulated, and `one` is cheaper and no worse than `other`."""
     a, b = standings[one.units], standings[other.units]
     return (
         a.source == b.source == SIMULATED

@@ -19,7 +19,7 @@ FILE = "lidar.yaml"
 
 
 def units_of(config: Keys) -> list[Keys]:
-    """Returns the keys UNIT of each unit; empty for a recording.
+    """Returns, for each unit of a LiDAR, the keys that UNIT lists; empty for a recording.
 
     config: keys of a LiDAR file that a run or `infrasim check` wrote.
     """

@@ -93,7 +93,7 @@ def fallen(curve: pd.DataFrame, stressor: Stressor, level: float) -> str:
 
 
 def first_failure(curve: pd.DataFrame) -> tuple[str, str, float]:
-    """Returns the kind of error that fails first, the kind with the largest cost, and its share.
+    """Returns the kind of the first failure, the kind with the largest cost, and the cost's share.
 
     The function looks at the first severity at which AP has decreased by FALL or more. The share is
     the cost divided by the decrease of AP. If it is LEAST_SHARE or more, the kind with the largest

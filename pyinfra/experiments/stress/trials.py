@@ -262,7 +262,7 @@ def missing(trials: Sequence[Trial], base: Base, out: Path, seed: int) -> Iterat
         elif not rows.inputs.isin([inputs_of(trial, base)]).all() and rows.inputs.notna().all():
             raise Error(
                 f"{file}: {' '.join(key.values())}: expected a row of this model, these frames and "
-                "this data set, got a row of different inputs with these names; choose a different "
+                "this data set, got a row of other inputs with the same names; choose a different "
                 "`out`"
             )
 

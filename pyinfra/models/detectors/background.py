@@ -66,7 +66,7 @@ _CAR, _MOTORCYCLE, _TRUCK, _BUS, _PEDESTRIAN, _CYCLIST = range(6)
 _LEAST_ALONE = 5  # minimum number of points of a pedestrian or cyclist
 
 _ROAD_CELL_M = 5.0  # cell size of the grid of road directions
-_KNOWN_ROAD = 1.0  # weight of a known road in the grid of directions; a vehicle adds about 0.07
+_KNOWN_ROAD = 1.0  # weight of a known road in the grid of directions; a vehicle has about 0.07
 _THIN_M = 0.4  # cell size in which points are merged before clustering
 # Headings that are tried for a rectangle, relative to the road.
 _OFFSETS = np.radians(np.arange(-90, 90, 4)).astype(np.float32)
@@ -74,7 +74,7 @@ _BONNET_M = 1.2  # length of the low front or rear of a car
 _ON_SIDE_M = 0.1  # points that are closer to a side of a rectangle count as on the side
 _NEIGHBOUR_M = 10.0  # largest distance from which the height of hidden ground is taken
 _OVERHEAD_M = 2.0  # permanent points higher than this above a road are trees, gantries or signs
-_SHARED = 0.1  # boxes are the same vehicle if the overlap exceeds this share of the smaller box
+_SHARED = 0.1  # two boxes are one vehicle if they share more than this part of the smaller box
 _MOST = 1000  # maximum number of boxes in a frame; limits the time in heavy rain
 
 # Exceptions of NumPy for a file that is not an .npz file, is incomplete or has other arrays.
@@ -83,7 +83,7 @@ _UNREADABLE = (ValueError, TypeError, KeyError, EOFError, ArithmeticError, BadZi
 
 @dataclass(frozen=True)
 class Config:
-    """Settings of background and clusters."""
+    """Settings of the background subtraction and of the clustering."""
 
     range_m: float = ruled(120.0, 1, 1000)  # points with a larger absolute x, y or z are ignored
     cell_m: float = ruled(1.0, 0.1, 20)  # cell size of the grid of the ground
@@ -197,7 +197,7 @@ class Background:
 
     @classmethod
     def load(cls, file: Path) -> Background:
-        """Reads a file that `save` wrote. Raises Error, which names the file, if it is none."""
+        """Reads a file that `save` wrote. Raises Error if it is not a background model."""
         try:
             with file.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
                 contents = [data[f.name] for f in fields(cls)]
@@ -307,7 +307,7 @@ def _road_cells(s: Config) -> int:
 
 
 def _numbers(settings: Config) -> FloatArray:
-    """Returns the settings as numbers.
+    """Returns the settings as numbers for the .npz file.
 
     If `people` is false, its number is left out, so that the file is the same as in earlier
     versions.

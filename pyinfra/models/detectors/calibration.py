@@ -10,7 +10,7 @@ from scipy.special import expit
 from pyinfra.core.arrays import BoolArray, FloatArray
 from pyinfra.core.errors import Error
 
-STEADY = 1e-3  # weight of the prior for unchanged scores; only matters if there are few boxes
+STEADY = 1e-3  # weight of the prior that scores are calibrated already; only matters for few boxes
 LEAST = 1e-7  # scores are clipped to the range from LEAST to 1 - LEAST
 
 

@@ -77,7 +77,7 @@ def of_all(number: Tensor) -> Tensor:
 
 
 def mean(values: Tensor) -> Tensor:
-    """Returns the mean over the processes, without gradient."""
+    """Returns the mean of values over the processes, without gradient."""
     values = values.detach()
     if count() > 1:
         values = values.clone()
@@ -156,7 +156,7 @@ class _Sum(torch.autograd.Function):
 
 
 def _summed(x: Tensor) -> Tensor:
-    """Returns the sum over the processes, with the gradient of the sum of all their losses."""
+    """Returns the sum of x over the processes; its gradient is that of the sum of their losses."""
     return cast(Tensor, _Sum.apply(x))  # type: ignore[no-untyped-call]
 
 

@@ -133,7 +133,7 @@ class Network(nn.Module, abc.ABC):
         return of_classes(parts, self.calibration)
 
     def predict(self, points: Points) -> Detections:
-        """See pyinfra.models.detectors.Detector."""
+        """Returns the boxes in a cloud, as `Detector.predict` does."""
         return self.find([points])[0]
 
 

@@ -10,7 +10,7 @@ Deviations from the paper:
   are the same, but batch norms use existing points only
 - a centre without points around it has features of 0
 
-The order in which balls take their points (`shuffled`) is another one on a GPU than on a CPU.
+The order in which balls take their points (`shuffled`) on a GPU differs from that on a CPU.
 """
 
 from __future__ import annotations

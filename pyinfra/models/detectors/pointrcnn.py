@@ -17,7 +17,7 @@ Deviations from the paper:
   labels
 - see also pointnet.py
 
-A GPU has another random generator than a CPU, so it samples other points and proposals.
+The random generators of GPU and CPU differ, so they sample different points and proposals.
 
 `sampling: faithful` samples a fixed number of points of the whole frame with equal probability, as
 in the paper. If most points are on the ground, distant vehicles lose their few points, and the
@@ -25,9 +25,9 @@ farthest point sampling of the set abstractions mostly selects points on the gro
 all points beyond 40 m, which is useful for its range of 70 m. At a roadside site most of the area
 is beyond 40 m.
 
-`sampling: remedied` is the same network with other points. Points lower than `clearance_m` above
-the road are left out, so the road must be level. The other points are sampled evenly by area: one
-point is sampled from each square of `cell_m`, then a second point from each square, and so on.
+`sampling: remedied` is the same network, but selects its points differently. Points lower than
+`clearance_m` above the road are left out, so the road must be level. The other points are sampled
+evenly by area: one point is sampled from each square of `cell_m`, then a second, and so on.
 """
 
 import math
@@ -388,7 +388,7 @@ def by_area(xy: Tensor, cell_m: float) -> Tensor:
 
 
 def rank_in(group: Tensor) -> Tensor:
-    """Returns for each row the number of earlier rows of the same group: (n,).
+    """Returns for each row how many earlier rows are in the same group: (n,).
 
     group: (n,) int64 group numbers, 0 or more.
     """

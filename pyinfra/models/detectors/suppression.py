@@ -11,7 +11,7 @@ from pyinfra.models.detectors.calibration import calibrated
 from pyinfra.models.ops.kernels import kernels
 
 MIN_SCORE = 0.1  # minimum score of returned boxes, before calibration
-NMS_IOU = 0.1  # largest IoU of footprints of two boxes of a frame, as vehicles do not overlap
+NMS_IOU = 0.1  # maximum IoU of the footprints of two returned boxes, as vehicles do not overlap
 CANDIDATES = 4096  # maximum number of boxes that enter the suppression, best first
 MOST_BOXES = 200  # maximum number of returned boxes of a frame and class
 

@@ -252,7 +252,7 @@ def learnt_warning(
 ) -> str:
     """Returns a warning if a model was trained on other data or on the frames to detect.
 
-    The text is empty if neither is true.
+    The text is empty if there is no reason for a warning.
     """
     if difference := transfer(model, lidar_folder):
         text = f"the frames differ from those of the training: {difference}"

@@ -13,7 +13,7 @@ from pyinfra.models.detectors.suppression import NMS_IOU
 # Number of steps of the suppression. Whether a box remains can depend on a chain of better boxes,
 # and each step decides one box of the chain. Chains are shorter than STEPS in practice.
 STEPS = 12
-FLAT = 1e-6  # minimum change of a coordinate along an edge, metres
+FLAT = 1e-6  # smaller changes of a coordinate along an edge are set to this value, metres
 
 
 def remaining(boxes: Tensor, scores: Tensor, classes: Tensor, min_score: float) -> Tensor:
@@ -66,7 +66,7 @@ def _corners(boxes: Tensor, centres: Tensor) -> Tensor:
 
 
 def _inside(corners: Tensor, boxes: Tensor, centres: Tensor) -> Tensor:
-    """Returns the area (m,) between the origin and the parts of the edges that are in the boxes."""
+    """Returns the area (m,) swept from the origin along the parts of the edges in the boxes."""
     start, edge = corners, torch.cat([corners[:, 1:], corners[:, :1]], dim=1) - corners
     at = _turned(start - centres[:, None], -boxes[:, 6])
     along = _turned(edge, -boxes[:, 6])

@@ -40,7 +40,7 @@ LEAST_S = 10.0  # minimum duration of the recording
 LEAST_VEHICLES = 5  # minimum number of tracks of vehicles
 MOST_SPACING_S = 0.25  # maximum time between frames; with more, boxes on leaves form tracks
 SPACING_S = 0.2  # time between the frames that are used, if the recording has enough frames
-# Maximum number of frames that are used. They are WINDOWS windows of consecutive frames.
+# Maximum number of frames that are used, and number of windows of consecutive frames among them.
 MOST_FRAMES = 600
 WINDOWS = 20
 LEAST_SCORE = 0.2  # clusters with a lower score have too few points, or are too large
@@ -181,7 +181,7 @@ def _clusters(
 
 
 def spaced(numbers: Sequence[int], stride: int) -> list[int]:
-    """Selects from ascending numbers, so that each is a stride or more above the previous one."""
+    """Selects some of the ascending numbers, each a stride or more above the previous one."""
     kept: list[int] = []
     for number in numbers:
         if not kept or number - kept[-1] >= stride:
@@ -227,7 +227,7 @@ def vehicle_paths(seen: BoxSeries, period_s: float) -> tuple[BoolArray, FloatArr
 
 
 def _share_near(xy: FloatArray, chosen: BoolArray) -> FloatArray:
-    """Returns the share of chosen positions among all positions near each position: (n,)."""
+    """Returns, for each position, the share of chosen ones among the positions near it: (n,)."""
     cell = np.floor(xy - xy.min(axis=0, initial=0)).astype(int)
     size = cell.max(axis=0, initial=0) + 1
     counts = [np.zeros(size), np.zeros(size)]

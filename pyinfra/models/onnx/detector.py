@@ -65,7 +65,7 @@ class OnnxDetector:
         self.maps = np.full((outputs, rows, columns), NO_BOX, np.float32)
 
     def predict(self, points: Points) -> Detections:
-        """See pyinfra.models.detectors.Detector."""
+        """Returns the boxes in a cloud, as `Detector.predict` does."""
         inside = with_columns(self.site.area.crop(points), self.columns)
         if len(inside) == 0:
             return empty()

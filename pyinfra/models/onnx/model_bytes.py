@@ -17,7 +17,7 @@ NUMBER, BYTES = 0, 2  # types of protobuf fields
 FLOAT, INT64 = 1, 7  # element types of ONNX tensors
 INTEGER, STRING, INTEGERS = 2, 3, 7  # types of ONNX attributes
 Attribute = int | str | tuple[int, ...]
-Dimension = int | str  # a size, or the name of a size that is known when the model runs
+Dimension = int | str  # a size, or the name of a size that is only known when the model runs
 
 
 @dataclass(frozen=True)

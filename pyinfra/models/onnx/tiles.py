@@ -14,9 +14,9 @@ import numpy as np
 from pyinfra.core.arrays import BoolArray, IntArray
 from pyinfra.models.detectors.bev_config import BevConfig
 
-Band = tuple[int, int, int, int]  # first row, end of rows, first column, end of columns
+Band = tuple[int, int, int, int]  # first row, last row + 1, first column, last column + 1
 HEAD_LAYERS = 2  # number of 3 x 3 convolutions after the blocks
-PER_TILE = 1000.0  # number of cells whose computing time equals the constant time of a tile
+PER_TILE = 1000.0  # fixed cost of a tile, as a number of cells that take the same time
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Extent:
 
     computed: slice
     used: slice
-    used_inside: slice  # the used cells among those that the model returns
+    used_inside: slice  # the used cells, as a slice of the cells that the model returns
     pads: tuple[tuple[int, int], ...]
     crops: tuple[slice, ...]
 
@@ -128,7 +128,7 @@ def _traced(start: list[int], first: IntArray, last: IntArray, step: int) -> Ite
 def _ends(needed: BoolArray, step: int) -> tuple[IntArray, IntArray]:
     """Returns the first needed column of each `step` rows, and the column after the last one.
 
-    Both are rounded to steps. Without a needed column they are the number of columns, and 0.
+    Both are rounded to steps. If no column is needed, they are the number of columns and 0.
     """
     rows, columns = (size // step for size in needed.shape)
     blocks: BoolArray = np.maximum.reduce(needed.reshape(rows, step, columns, step), axis=(1, 3))

@@ -16,7 +16,7 @@ from pyinfra.models.ops.points import chunk_of
 # larger box.
 _ROUNDING = 4
 _PAIRS = 1 << 22  # number of pairs whose overlaps are computed together
-_ROUNDS = 8  # number of rounds of a suppression between two tests of whether it has ended
+_ROUNDS = 8  # number of rounds of a suppression before each test of whether it has ended
 
 # Corners of the unit box, counter-clockwise from front right.
 _AHEAD = (0.5, 0.5, -0.5, -0.5)

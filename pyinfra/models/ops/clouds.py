@@ -151,7 +151,7 @@ class _Places:
     """The positions of the n points of some clouds in an array (clouds, longest)."""
 
     start: Tensor  # (clouds,) row of each cloud's first point
-    slot: Tensor  # (n,) position of each point in the flat array
+    slot: Tensor  # (n,) position of each point in the flattened array
     shape: tuple[int, int]
 
     def padded(self, values: Tensor, missing: float) -> Tensor:
@@ -165,7 +165,7 @@ class _Places:
 def _places(xyz: Tensor, counts: Tensor) -> _Places:
     row = torch.arange(len(xyz), device=xyz.device)
     start = counts.cumsum(0) - counts
-    # The number of selected rows is the length of the longest cloud.
+    # This is the size of the longest cloud: the number of rows below the maximum of `counts`.
     longest = len((row < counts.amax()).nonzero()) if len(counts) else 0
     cloud = cloud_of_rows(counts, xyz)
     return _Places(start, cloud * longest + row - start[cloud], (len(counts), longest))
@@ -177,7 +177,7 @@ def _apart(a: Tensor, b: Tensor) -> Tensor:
 
 
 def _farthest_of_all(xyz: Tensor, counts: Tensor, most: int) -> Tensor:
-    """Returns rows (clouds, most). Rows beyond the end of a smaller cloud are not to be used."""
+    """Returns the sampled rows (clouds, most); rows beyond the size of a cloud are invalid."""
     places = _places(xyz, counts)
     rows = torch.arange(most, device=xyz.device).expand(len(counts), most)
     if not all(places.shape) or most == 0:
@@ -222,13 +222,13 @@ def _neighbours_of_all(
     pairs, done = [torch.zeros(0, 3, dtype=torch.int64, device=xyz.device)], 0
     for part in torch.split(middles, chunk, dim=1):
         # Differences of two missing points are NaN, which is not below the limit.
-        found = first_of_each(_apart(part, points) < limit, most)  # rows: cloud, centre, point
+        found = first_of_each(_apart(part, points) < limit, most)  # (hits, 3): cloud, centre, point
         found[:, 1] += done
         pairs.append(found)
         done += part.shape[1]
     cloud, centre, point = torch.cat(pairs).unbind(1)
     row, owner = point + places.start[cloud], centre + others.start[cloud]
-    order = torch.argsort(owner, stable=True)  # needed if the centres are in several parts
+    order = torch.argsort(owner, stable=True)  # by centre, also for several parts
     return row[order], owner[order]
 
 

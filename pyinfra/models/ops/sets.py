@@ -10,7 +10,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-MOST_WINDOWS = 1 << 16  # a number larger than the windows along a side of any canvas
+MOST_WINDOWS = 1 << 16  # larger than the number of windows along a side of any canvas
 
 
 @dataclass(frozen=True, eq=False)

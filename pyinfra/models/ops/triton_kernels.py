@@ -33,7 +33,8 @@ if triton is not None:
     def _farthest(  # type: ignore[no-untyped-def]  # pragma: no cover
         x, y, z, starts, counts, aparts, chosen, most, LANES: tl.constexpr
     ):
-        # One program handles one cloud. `aparts` has each point's distance to the chosen points.
+        # One program handles one cloud. `aparts` has the distance of each point to the
+        # nearest chosen point.
         cloud = tl.program_id(0)
         start = tl.load(starts + cloud)
         count = tl.load(counts + cloud).to(tl.int32)

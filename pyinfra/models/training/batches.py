@@ -14,7 +14,7 @@ from torch.utils.data import DataLoader, Dataset
 
 from pyinfra.models.detectors.batch import Batch
 
-AHEAD = 16  # number of batches made in advance; a stream makes about 12 batches at once
+AHEAD = 16  # number of batches made in advance, more than the about 12 that a stream makes at once
 FETCHED = 3  # number of tasks that each worker begins in advance
 
 Make = Callable[[int], Batch]  # makes the batch of a step

@@ -20,7 +20,7 @@ SHARE = 0.4  # largest share of the machine's memory that frames take
 
 
 def kept(frames: Frames, *, pasted: bool) -> Frames:
-    """Returns the frames with their clouds in memory, if the memory suffices.
+    """Returns the frames with their clouds in memory, or unchanged if the memory is too small.
 
     pasted: whether the points of the objects are also needed, as `Frames.objects`.
     """

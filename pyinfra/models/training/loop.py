@@ -38,7 +38,7 @@ WARM_UP = 0.4  # share of the steps in which the learning rate rises
 DIVIDED = 10.0  # ratio of the highest learning rate to the first
 LAST = 1e-4  # ratio of the last learning rate to the first
 MOMENTA = (0.95, 0.85)
-SAVES = 20  # number of checkpoints of a training run
+SAVES = 20  # number of times that a training writes a checkpoint
 READS = 20  # number of steps between two readings of the losses, each of which waits for the GPU
 MOST_WORKERS = 8  # maximum number of processes that make batches for one GPU
 
@@ -69,7 +69,7 @@ class Pace:
 
     workers: int = 0  # number of processes that make batches; if 0, a thread makes them
     in_memory: bool = False  # whether all frames are read once, before the first step
-    reads_every: int = 1  # number of steps between two readings, checks and reports of losses
+    reads_every: int = 1  # number of steps after which losses are read, checked and reported
     fused: bool = False  # whether the optimiser changes all weights in one kernel
     tf32: bool = False  # whether products of matrices round inputs to 10 bits of mantissa
     tuned: bool = False  # whether cuDNN tries its algorithms and uses the fastest
@@ -245,7 +245,7 @@ def batches_of(
 
 @contextmanager
 def products_of(pace: Pace) -> Iterator[None]:
-    """Context manager that sets the precision and the cuDNN tuning of a pace."""
+    """Context manager that sets the precision of products and the cuDNN tuning as in a pace."""
     before = torch.get_float32_matmul_precision(), torch.backends.cudnn.benchmark
     torch.set_float32_matmul_precision("high" if pace.tf32 else before[0])
     torch.backends.cudnn.benchmark = pace.tuned

@@ -59,7 +59,7 @@ class Provenance:
 def is_among(name: str, names: str) -> bool:
     """Returns whether a name is one of `names`, which are separated by blanks.
 
-    A name may contain blanks too.
+    A name may itself contain blanks.
     """
     return f" {name} " in f" {names} "
 

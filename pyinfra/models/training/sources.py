@@ -314,7 +314,7 @@ def hit_vehicles(
 
 
 def spread(numbers: Sequence[int], most: int) -> tuple[int, ...]:
-    """Returns at most `most` of the numbers, evenly spread."""
+    """Returns at most `most` of the frame numbers, evenly spread."""
     if len(numbers) <= most:
         return tuple(numbers)
     return tuple(numbers[i * len(numbers) // most] for i in range(most))

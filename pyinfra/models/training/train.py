@@ -101,9 +101,9 @@ def _as_it_comes(recipe: Recipe, out: Path) -> Path:
 
 def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: Path) -> Path:
     if isinstance(sources, Stream):
-        raise Error("background: expected one LiDAR at one site, got a stream of random sites")
+        raise Error("background: expected frames of one LiDAR, got a stream of random sites")
     if len(sources) != 1:
-        raise Error(f"background: expected one LiDAR at one site, got {len(sources)} LiDARs")
+        raise Error(f"background: expected frames of one LiDAR, got those of {len(sources)} LiDARs")
     (source,) = sources
     if source.accumulation.frames > 1:
         raise Error(

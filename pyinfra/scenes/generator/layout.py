@@ -304,7 +304,7 @@ class FreeSpace:
         for road in self.layout.roads:
             away = road.distance(points)
             if host is not None and road is host[0]:
-                # Points nearer than host[1] to the centreline lie beside another part of a bend.
+                # Points nearer to the centreline than host[1] are close to another part of a bend.
                 free &= away >= abs(host[1]) - 0.3
             else:
                 free &= away >= road.outer_half_m + margin_m + 0.3

@@ -71,7 +71,7 @@ class Walks:
             self.lines.append(cKDTree(_widened(line, HALF_WAY_M)))
 
     def _longest(self, road: PlannedRoad, side: int) -> tuple[float, list[Stretch]]:
-        """Returns the best line beside a road: its offset to the left, and its free sections."""
+        """Returns the line beside a road with most free length: left offset, and free sections."""
         best: tuple[float, float, list[Stretch]] = (self.how.shortest_m, 0.0, [])
         last_m = road.outer_half_m + self.how.verge_m
         if "embankment" in road.keys:

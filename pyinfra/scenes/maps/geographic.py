@@ -137,7 +137,7 @@ def _of_location(words: str, offset: str) -> Projection | None:
         return None
     ellipsoid = keys.get("ellps", keys.get("datum", "WGS84"))
     if keys.get("proj") not in ("utm", "tmerc") or ellipsoid not in _ELLIPSOIDS:
-        raise Error(f"'{words[:80]}'; only utm and tmerc on WGS84 are supported")
+        raise Error(f"expected a projection utm or tmerc on WGS84, got '{words[:80]}'")
     net_offset = [float(v) for v in offset.split(",")]
     if keys["proj"] == "utm":
         north = 1e7 if "south" in keys else 0.0

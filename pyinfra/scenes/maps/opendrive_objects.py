@@ -149,7 +149,7 @@ def _copies(
 
 
 def _of(repeat: Element | None, node: Element, name: str, s: float) -> float:
-    """Returns a value at s, interpolated between the ends of a repeat.
+    """Returns a value at s, interpolated between the ends of a `repeat` element.
 
     Without a repeat, returns the object's value.
     """

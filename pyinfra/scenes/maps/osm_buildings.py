@@ -100,7 +100,7 @@ def building_bodies(
 def _clipped(
     outline: FloatArray, point: FloatArray, normal: FloatArray, least_m: float
 ) -> FloatArray:
-    """Returns the part of an outline (n, 2) that is farther than `least_m` along a normal."""
+    """Returns the part of an outline (n, 2) farther than `least_m` from `point` along `normal`."""
     beyond = (outline - point) @ normal - least_m
     corners = []
     for i, (corner, d) in enumerate(zip(outline, beyond, strict=True)):

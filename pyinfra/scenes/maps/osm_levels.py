@@ -51,7 +51,7 @@ class _Crossing:
     upper: Way
     lower: Way
     xy: tuple[float, float]
-    on_upper: tuple[str, str]  # nodes before and after the crossing
+    on_upper: tuple[str, str]  # nodes of the upper way around the crossing
     on_lower: tuple[str, str]
 
 

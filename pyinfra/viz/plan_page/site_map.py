@@ -198,7 +198,7 @@ def _features(folder: Path) -> Iterator[str]:
 
 
 def _places(candidates: pd.DataFrame) -> Iterator[str]:
-    """Yields the places that were considered: a ring where a pose is possible, else a cross."""
+    """Yields the candidate positions: a ring where a pose is possible, else a cross."""
     possible = candidates[candidates.lidar != ""].drop_duplicates(["x_m", "y_m"])
     for one in possible.itertuples():
         yield f'<circle class="m-place" cx="{one.x_m:.1f}" cy="{-one.y_m:.1f}" r="1"/>'

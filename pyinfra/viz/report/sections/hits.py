@@ -46,7 +46,9 @@ def by_lidar(material: Material, rows: pd.DataFrame) -> list[tuple[tuple[str, st
 
 
 def measured(material: Material) -> tuple[pd.DataFrame, str]:
-    """Returns a table of points per frame, and a remark on the source, empty for the results.
+    """Returns a table of points per frame, and a remark on its source.
+
+    The remark is empty if the table is a file of the results.
 
     Columns: scene, lidar, preset, frames, hits_per_frame, origin.
     """

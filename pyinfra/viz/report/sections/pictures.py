@@ -192,7 +192,7 @@ def _cutouts(material: Material, data: DataSet) -> Block:
 
 
 def _aggregations(material: Material) -> list[Block]:
-    """Draws the same vehicles under each aggregation, if data sets of several ones are given."""
+    """Draws the same vehicles under each aggregation, if data sets have several aggregations."""
     groups: dict[tuple[str, str, int], list[DataSet]] = {}
     for data in material.data:
         groups.setdefault((data.scene, data.preset, data.seed), []).append(data)
