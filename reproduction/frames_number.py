@@ -40,7 +40,7 @@ def common_number(numbers: dict[str, int]) -> int:
     return next(iter(numbers.values()), FIRST)
 
 
-def sentence(number: int) -> str:
-    """Returns the sentence that names the `frames_version` of a table."""
-    simulator = f"simulator version {VERSIONS[number]} (`{COLUMN}` {number})"
-    return f"The frames are from {simulator}."
+def sentence(*numbers: int) -> str:
+    """Returns the sentence that names the values of `frames_version` of a table."""
+    versions = [f"version {VERSIONS[number]} (`{COLUMN}` {number})" for number in numbers]
+    return f"The frames are from simulator {' and '.join(versions)}."

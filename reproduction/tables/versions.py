@@ -70,12 +70,11 @@ def with_frames_of_both(make: Callable[[], str]) -> Callable[[], str]:
     """Returns a function that makes a table, and names below it the frames of both versions."""
 
     def text() -> str:
-        told = []
-        for version, folder in ((BEFORE, f"{BEFORE}/"), (NOW, "")):
+        numbers = []
+        for folder in (f"{BEFORE}/", ""):
             names = (f"{folder}claims", f"{folder}scanning_claims")
-            number = common_number({name: number_of(results(name), name) for name in names})
-            told.append(f"For {version}: {sentence(number).lower()}")
-        return f"{make()}\n{' '.join(told)}\n"
+            numbers.append(common_number({name: number_of(results(name), name) for name in names}))
+        return f"{make()}\n{sentence(*numbers)}\n"
 
     return text
 

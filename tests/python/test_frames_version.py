@@ -31,7 +31,7 @@ from reproduction.tables import common
 NOW = str(simulation.frames_version())
 V0_3 = ROOT / "tests/data/v0_3"
 VERSION_3 = model_file(Path("generalist-3"))
-NOTE = re.compile(r"The frames are from simulator version \d+\.\d+ \(`frames_version` \d+\)\.")
+NOTE = re.compile(r"The frames are from simulator version \d+\.\d+ \(`frames_version` \d+\)")
 
 
 def recorded_as(data: Path, line: str) -> None:
