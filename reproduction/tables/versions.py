@@ -117,7 +117,7 @@ def _sentences(subject: str, table: pd.DataFrame) -> str:
     return (
         f"Of the {every} verdicts on {subject}, {changed} changed, and {reversed_ones} changed "
         f"from `holds` to `fails` or the reverse. Of the {every} values, {values} changed "
-        "significantly: the interval of the change excludes 0."
+        "significantly."
     )
 
 
