@@ -19,7 +19,7 @@ namespace py = pybind11;
 
 namespace {
 
-// maximum number of points, because row numbers are int32 and 12 bytes per point are copied
+// maximum number of points; row numbers must fit into int32, and 12 bytes per point are copied
 constexpr py::ssize_t kMostPoints = py::ssize_t{1} << 28;
 
 /// Returns the row-major x y z of a float32 array with 3 or more columns.

@@ -46,7 +46,7 @@ class Cells {
     for (std::size_t i = 0; i < n; ++i) rows_[next[cell[i]]++] = static_cast<std::int64_t>(i);
   }
 
-  /// Calls visit(row) for all points in the cell of x, y and in its neighbours.
+  /// Calls visit(row) for all points in the cell that contains x, y and in the neighbouring cells.
   template <typename Visit>
   void around(float x, float y, const Visit& visit) const {
     const std::int64_t first = std::clamp<std::int64_t>(column(x) - 1, 0, columns_);
@@ -61,8 +61,8 @@ class Cells {
  private:
   std::int64_t column(float x) const { return cell_of(double{x} - low_x_); }
   std::int64_t line(float y) const { return cell_of(double{y} - low_y_); }
-  // No points lie near positions far outside the grid. Such positions are clamped, so that the
-  // result fits into int64.
+  // Positions far outside the grid are clamped, so that the result fits into int64. This does not
+  // change the results, because no points are near such positions.
   std::int64_t cell_of(double along) const {
     return static_cast<std::int64_t>(std::floor(std::clamp(along / size_, -9.0, 1e15)));
   }

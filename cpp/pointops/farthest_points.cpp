@@ -20,17 +20,19 @@ using Point = std::array<float, 3>;
 // loops
 constexpr std::size_t kGroup = 128;
 
-/// The input points in groups of neighbours, each with its distance to the nearest chosen point.
+/// The input points in groups of neighbouring points. For each input point, the struct stores the
+/// distance to the nearest point that has been selected so far.
 struct Groups {
   std::array<std::vector<float>, 3> xyz;
-  std::vector<std::int64_t> rows;   ///< rows of the caller's points
-  std::vector<float> apart;         ///< squared distance to the nearest chosen point
+  std::vector<std::int64_t> rows;   ///< row numbers of the points in the caller's array
+  std::vector<float> apart;         ///< squared distance to the nearest selected point
   std::vector<std::size_t> starts;  ///< start of each group, and end of the last group
   std::vector<Point> low, high;     ///< bounds of a group
   std::vector<float> farthest;      ///< largest `apart` of a group
 };
 
-/// Splits the points at the median along their longest side until the parts fit into groups.
+/// Splits the points at the median along the longest side of their bounding box, until each part
+/// has at most kGroup points.
 void split(std::span<const float> xyz, std::span<std::int64_t> rows, std::size_t start,
            Groups& groups) {
   Point low, high;
@@ -68,8 +70,8 @@ Groups grouped(std::span<const float> xyz) {
   std::iota(groups.rows.begin(), groups.rows.end(), 0);
   split(xyz, groups.rows, 0, groups);
   groups.starts.push_back(n);
-  // Rows are sorted within a group. Of several points at the same distance, the one with the lowest
-  // row therefore comes first.
+  // Points are sorted by row number within a group. Of several points at the same distance, the
+  // point with the lowest row number therefore comes first.
   for (std::size_t g = 0; g + 1 < groups.starts.size(); ++g)
     std::sort(groups.rows.begin() + static_cast<std::ptrdiff_t>(groups.starts[g]),
               groups.rows.begin() + static_cast<std::ptrdiff_t>(groups.starts[g + 1]));
@@ -81,9 +83,9 @@ Groups grouped(std::span<const float> xyz) {
   return groups;
 }
 
-/// Returns the squared distance to the bounds of a group. The operations have the same order as for
-/// the distance to a point. Rounding therefore never makes the result larger than the distance to a
-/// point inside the bounds.
+/// Returns the squared distance from the chosen point to the bounds of a group. The operations have
+/// the same order as for the distance between two points. Rounding therefore never makes the result
+/// larger than the distance to a point inside the bounds.
 float apart_from_group(const Groups& groups, std::size_t g, const Point& chosen) {
   Point gap;
   for (std::size_t axis = 0; axis < 3; ++axis)
@@ -107,8 +109,8 @@ void choose(Groups& groups, std::size_t g, const Point& chosen) {
   groups.farthest[g] = farthest;
 }
 
-/// Returns the position in `groups` of the farthest point. Of equally far points, it is the point
-/// with the lowest row.
+/// Returns the position in `groups` of the farthest point. Of equally far points, the point with
+/// the lowest row number is returned.
 std::size_t farthest_position(const Groups& groups) {
   const float most = *std::max_element(groups.farthest.begin(), groups.farthest.end());
   std::size_t best = groups.rows.size();

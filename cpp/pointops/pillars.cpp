@@ -36,8 +36,8 @@ struct Members {
   std::vector<std::int32_t> pillar_of;
 };
 
-/// Returns the cell of a position along one axis. A position on the upper border is in the last
-/// cell.
+/// Returns the number of the cell, along one axis, that contains a position. A position on the
+/// upper border is in the last cell.
 std::int64_t cell_along(float at, float low, float side, std::int64_t cells) {
   const float cell = (at - low) / side;
   if (!(cell > -1 && cell < static_cast<float>(cells) + 1))
@@ -73,7 +73,7 @@ Members members_of(std::span<const float> points, std::size_t point_columns,
   return members;
 }
 
-/// Writes all inputs of a point, including those that the layer leaves out.
+/// Writes all inputs of a point, including the inputs that the layer does not use.
 [[gnu::always_inline]] inline void write_inputs(std::span<const float> point, const Pillar& pillar,
                                                 std::array<float, kMostInputs>& inputs) {
   for (std::size_t axis = 0; axis < 3; ++axis) {

@@ -35,7 +35,8 @@ struct CanvasLayer {
 /// @param points  n * point_columns, row-major
 /// @param map     shape (outputs, rows / stride, columns / stride), row-major; the previous values
 ///   are overwritten
-/// @throws std::invalid_argument if the sizes do not fit or a point is outside the grid
+/// @throws std::invalid_argument if the sizes of the arrays are inconsistent or a point is outside
+///   the grid
 void pillar_map(std::span<const float> points, std::int64_t point_columns, const PillarGrid& grid,
                 const PillarLayer& encoder, const CanvasLayer& layer, std::span<float> map);
 

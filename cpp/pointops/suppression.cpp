@@ -42,8 +42,9 @@ double mean_clipped(double start, double end, double limit) {
 }
 
 /// Returns the area that both boxes share. It is computed with Green's theorem along the edges of b
-/// in the frame of a, as in pyinfra/core/boxes.py. The area is the sum of (mean of x, clipped to a)
-/// * (change of y, clipped to a).
+/// in the frame of a, as in pyinfra/core/boxes.py. The area is a sum over the edges of b. Each term
+/// is the mean of x along the edge times the change of y along the edge, where x and y are clipped
+/// to box a.
 double overlap(const Footprint& a, const Footprint& b) {
   const double dx = b.x - a.x, dy = b.y - a.y;
   const double x0 = a.cos * dx + a.sin * dy, y0 = a.cos * dy - a.sin * dx;

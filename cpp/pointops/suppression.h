@@ -6,9 +6,9 @@
 
 namespace pointops {
 
-/// Greedy non-maximum suppression by the overlap of rotated footprints.
+/// Selects boxes by greedy non-maximum suppression, with the IoU of rotated footprints.
 /// @param boxes  7 * n, x y z dx dy dz heading, by decreasing score, finite
-/// @param iou    a box is removed if its IoU with a kept box is larger
+/// @param iou    a box is removed if its IoU with a kept box is larger than this value
 /// @param limit  maximum number of boxes to keep
 /// @return rows of the kept boxes, increasing
 /// @throws std::invalid_argument if a box is not finite, iou is NaN or the limit is negative

@@ -88,8 +88,8 @@ void check_increasing(std::span<const std::int64_t> keys) {
 }
 
 constexpr std::array kAxes{"z", "y", "x"};
-constexpr std::int64_t kMostArrivals =
-    std::int64_t{1} << 24;  // maximum number of Arrivals along an axis, which have 16 bytes each
+// maximum number of elements of Arrivals along an axis; each element has 16 bytes
+constexpr std::int64_t kMostArrivals = std::int64_t{1} << 24;
 constexpr std::int64_t kMostOffsets = std::int64_t{1}
                                       << 20;  // maximum number of offsets of a kernel
 

@@ -33,7 +33,8 @@ struct Reach {
 
 struct ReachedVoxels {
   VoxelPairs pairs;
-  /// key of each output voxel, ((batch * Z + z) * Y + y) * X + x, increasing
+  /// key of each output voxel, ((batch * Z + z) * Y + y) * X + x, increasing; (Z, Y, X) is the
+  /// shape of the target grid
   std::vector<std::int64_t> keys;
 };
 

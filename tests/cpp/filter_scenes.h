@@ -21,7 +21,7 @@ struct Scene {
   std::vector<Box3d> buildings;
 };
 
-/// Points with the objects to which they belong.
+/// Points, and the object to which each point belongs.
 struct LabelledCloud {
   std::vector<float> xyz;
   std::vector<int> object;           ///< index into vehicles; -1 ground, -2 building
@@ -59,7 +59,8 @@ inline double range_to_box(const Box3d& box, Vec3 u) {
   return enter <= leave ? enter : std::numeric_limits<double>::infinity();
 }
 
-/// Nearest hit of each unit direction within `max_range_m`, with 2 cm of range noise.
+/// Returns the nearest hit along each unit direction within `max_range_m`, with 2 cm of range
+/// noise.
 inline LabelledCloud cast(const Scene& scene, std::span<const Vec3> directions, std::int64_t frame,
                           double max_range_m = 120) {
   LabelledCloud cloud;
@@ -89,7 +90,8 @@ inline Vec3 direction(double azimuth, double elevation) {
           std::sin(elevation)};
 }
 
-/// 128 evenly spaced lines from -25 to 15 degrees, with azimuth steps of 0.2 degrees.
+/// Returns the directions of a LiDAR with 128 evenly spaced lines from -25 to 15 degrees, with
+/// azimuth steps of 0.2 degrees.
 inline std::vector<Vec3> spinning_directions() {
   std::vector<Vec3> out;
   for (int a = 0; a < 1800; ++a)
@@ -98,8 +100,8 @@ inline std::vector<Vec3> spinning_directions() {
   return out;
 }
 
-/// A rosette over 70 x 70 degrees that never repeats. It has 24,000 rays per frame and looks 15
-/// degrees down.
+/// Returns the directions of one frame of a rosette pattern, which covers 70 x 70 degrees and never
+/// repeats. The pattern has 24,000 rays per frame and looks 15 degrees down.
 inline std::vector<Vec3> rosette_directions(std::int64_t frame) {
   std::vector<Vec3> out;
   for (int i = 0; i < 24000; ++i) {
@@ -112,8 +114,8 @@ inline std::vector<Vec3> rosette_directions(std::int64_t frame) {
   return out;
 }
 
-/// Vehicles of several sizes in lanes centred at `lanes_y`. They are `spacing_m` apart and shifted
-/// by `shift_m`.
+/// Returns vehicles of several sizes in lanes centred at `lanes_y`. The vehicles of a lane are
+/// `spacing_m` apart and shifted by `shift_m`.
 inline std::vector<Box3d> traffic(std::span<const double> lanes_y, double spacing_m, double shift_m,
                                   double grade = 0) {
   const double sizes[][3] = {{4.5, 1.8, 1.5}, {12, 2.5, 3.8},  {4.2, 1.7, 1.4}, {2.2, 0.8, 1.5},

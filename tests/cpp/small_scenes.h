@@ -84,8 +84,8 @@ inline void expect_message(const std::string& message, const std::filesystem::pa
   expect_within(message, what);
 }
 
-/// A scene with one lane each way along x and a mount 6 m above the origin. It has no vehicles and
-/// no other objects.
+/// Returns a scene with one lane each way along x and a mount 6 m above the origin. It has no
+/// vehicles and no other objects.
 inline SceneConfig empty_road() {
   SceneConfig scene;
   scene.name = "empty_road";
@@ -105,12 +105,12 @@ inline SceneConfig empty_road() {
   return scene;
 }
 
-/// The evaluation region of the scene's first mount.
+/// Returns the evaluation region of the scene's first mount.
 inline EvaluationRegion region_of(const SceneConfig& scene) {
   return EvaluationRegion(build_site(scene), scene.mounts.begin()->second);
 }
 
-/// Level ground of 400 x 400 m around the origin.
+/// Returns level ground of 400 x 400 m around the origin.
 inline GroundConfig ground_at(double elevation_m) {
   GroundConfig ground;
   ground.elevation_m = elevation_m;
@@ -118,12 +118,12 @@ inline GroundConfig ground_at(double elevation_m) {
   return ground;
 }
 
-/// A car of 4.5 x 1.9 x 1.5 m on a road at z = 0.
+/// Returns a car of 4.5 x 1.9 x 1.5 m on a road at z = 0.
 inline ObjectState car_on_road(int id, double x, double y, double heading, double speed_m_s = 0) {
   return {id, Class::kCar, {x, y, 0.75, 4.5, 1.9, 1.5, heading}, speed_m_s};
 }
 
-/// Trajectories of vehicles that each keep their speed and heading.
+/// Returns the trajectories of vehicles that each keep their speed and heading.
 inline Trajectories straight_on(const std::vector<ObjectState>& at_start, int frames) {
   Trajectories out;
   for (int k = 0; k <= frames; ++k) {
@@ -136,7 +136,7 @@ inline Trajectories straight_on(const std::vector<ObjectState>& at_start, int fr
   return out;
 }
 
-/// The vehicles of a scene's simulated traffic at all instants.
+/// Returns the vehicles of a scene's simulated traffic at all instants.
 inline Trajectories simulate_traffic(const Site& site) {
   Trajectories out;
   TrafficSteps steps(site);
@@ -144,7 +144,8 @@ inline Trajectories simulate_traffic(const Site& site) {
   return out;
 }
 
-/// A scene with these vehicles, which keep their speed and heading, in place of its traffic.
+/// Returns the world of a scene. The given vehicles, which keep their speed and heading, replace
+/// the traffic of the scene.
 inline World world_with(const SceneConfig& scene, const std::vector<ObjectState>& at_start,
                         int frames = 10) {
   World world = build_world(scene);
@@ -157,12 +158,12 @@ inline Frame frame_of(const World& world, const LidarConfig& lidar, int k = 0) {
   return std::move(simulator.simulate(k, {true}).front());
 }
 
-/// A LiDAR of the catalogue.
+/// Returns a LiDAR of the catalogue.
 inline LidarConfig shipped(const std::string& name, const std::string& preset = "datasheet") {
   return read_lidar(configs() / "lidars" / (name + ".yaml"), preset);
 }
 
-/// A table of rays that repeats after five rays.
+/// Returns a pattern with a table of five rays.
 inline PatternConfig five_directions() {
   PatternConfig pattern;
   TableConfig& table = pattern.table.emplace();
@@ -171,8 +172,8 @@ inline PatternConfig five_directions() {
   return pattern;
 }
 
-/// A spinning unit with evenly spaced channels. The lowest channel fires first, and a turn begins
-/// straight ahead.
+/// Returns a spinning unit with evenly spaced channels. The lowest channel fires first, and a turn
+/// begins straight ahead.
 inline PatternConfig spinning(int channels, double lower_deg, double upper_deg,
                               double azimuth_step_deg) {
   SpinningConfig s;
@@ -186,7 +187,7 @@ inline PatternConfig spinning(int channels, double lower_deg, double upper_deg,
   return pattern;
 }
 
-/// A LiDAR that returns every hit up to 200 m, without range noise.
+/// Returns a LiDAR that returns every hit up to 200 m, without range noise.
 inline LidarConfig plain_lidar(const std::string& name, const PatternConfig& pattern) {
   LidarConfig lidar;
   lidar.name = name;
@@ -201,7 +202,7 @@ inline Vec3 point(const PointCloud& cloud, std::size_t i) {
   return {cloud.xyz[3 * i], cloud.xyz[3 * i + 1], cloud.xyz[3 * i + 2]};
 }
 
-/// Distance from a point to the surface of a box.
+/// Returns the distance from a point to the surface of a box.
 inline double distance_to_surface(const Box3d& box, Vec3 p) {
   const Vec2 d{p.x - box.x, p.y - box.y}, axis = heading_vector(box.heading);
   const Vec3 outside{std::abs(dot(axis, d)) - box.dx / 2, std::abs(cross(axis, d)) - box.dy / 2,

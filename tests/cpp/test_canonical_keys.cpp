@@ -76,7 +76,7 @@ constexpr std::array kRenamed{RenamedKey{".label", "name"},
 constexpr std::array kLater{config::LaterKey{"dual_return", "false"}};
 constexpr config::CanonicalKeys kTable{kRenamed, kLater};
 
-// A name that the user has chosen is not a key, even if a key has the same name.
+// A name that the user has chosen is not renamed, even if it equals the name of a key.
 const std::string kOld = R"(name: "a"
 spinning:
   seam_deg: 90
@@ -188,7 +188,8 @@ TEST(folder_identity, of_a_lidar_is_its_file_by_canonical_names) {
   EXPECT_NE(lidar_identity(other, "l.yaml"), old);
 }
 
-/// A request for fused frames of mounts whose names YAML readers may take for other values.
+/// Returns a request for fused frames. The names of the mounts are such that YAML readers may take
+/// them for numbers or other values.
 RunRequest fused_request(const std::filesystem::path& out) {
   RunRequest request;
   request.scene = testing::empty_road();

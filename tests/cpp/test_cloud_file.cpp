@@ -29,7 +29,7 @@ std::string packed(Values... values) {
   return bytes;
 }
 
-/// A PCD header for `points` points of x y z, including the line DATA.
+/// Returns a PCD header for `points` points of x y z, including the line DATA.
 std::string xyz_header(int points, const std::string& data) {
   const std::string n = std::to_string(points);
   return "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH " + n +
@@ -53,7 +53,8 @@ std::string with(std::string text, const std::string& what, const std::string& i
   return text.replace(at, what.size(), instead);
 }
 
-/// A cloud with every type of field, an unknown name, a count above one, padding and random values.
+/// Returns a cloud with every type of field, an unknown name, a count above one, padding and random
+/// values.
 CloudFile cloud_of_every_type(std::size_t points) {
   CloudFile cloud;
   cloud.fields = {{"x"},
@@ -325,7 +326,7 @@ TEST(pcd, every_cut_of_a_file_is_an_error) {
     CloudFile cloud = cloud_of_every_type(3);
     cloud.encoding = encoding;
     const std::string bytes = pcd_bytes(cloud);
-    // If a text ends within its last number, the rest is still a number.
+    // A text that ends within its last number still ends with a number, so it is no error.
     const std::size_t end = encoding == PcdEncoding::kAscii ? bytes.rfind(' ') : bytes.size();
     for (std::size_t n = 0; n < end; ++n)
       EXPECT_THROW(parse_pcd(bytes.substr(0, n), "a.pcd"), ConfigError) << n;

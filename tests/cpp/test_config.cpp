@@ -77,7 +77,7 @@ std::string replaced(std::string text, const std::string& part, const std::strin
   return text.replace(at, part.size(), by);
 }
 
-/// Number of the line that the comment `#!` marks.
+/// Returns the number of the line that the comment `#!` marks.
 int marked_line(const std::string& text) {
   const auto mark = text.find("#!");
   if (mark == std::string::npos) throw std::logic_error("no line is marked");
@@ -150,7 +150,7 @@ TEST(scene_file, a_value_for_a_map_is_answered_with_the_keys_of_the_map) {
                      "expected a map with the keys Car, Van, Truck, Bus, Motorcycle, got '1'");
   expect_scene_error("traffic:\n", "filters: [5] #!\ntraffic:\n", "filters.0",
                      "expected a map with the keys crop_box, crop_polygon, ");
-  // A longer list would be no help.
+  // A scene has too many keys for a useful list in the message.
   expect_within(error_of([] { parse_scene("just words", "scene", ""); }),
                 "expected a map, got 'just words'");
 }
@@ -789,7 +789,7 @@ TEST(lidar_file, an_exponent_is_set_on_units_with_one_published_range) {
             std::string::npos);
 }
 
-/// Returns the message of reading channels from a file with this text.
+/// Checks the error message for a file of channels with this text.
 void expect_channels_error(const std::string& text, int line, const std::string& key,
                            const std::string& what) {
   SCOPED_TRACE(text);

@@ -133,8 +133,8 @@ TEST(footprints, overlap_does_not_depend_on_where_one_stands_or_looks) {
   EXPECT_LT(overlaps, 900);
 }
 
-// Chi-squared of n uniform samples in 100 bins. Its 99.99 % quantile with 99 degrees of freedom is
-// 161.
+// Returns the chi-squared statistic of uniform samples in 100 bins. The 99.99 % quantile of its
+// distribution, which has 99 degrees of freedom, is 161.
 double chi_squared(const std::vector<double>& draws) {
   std::array<int, 100> bins{};
   for (const double u : draws) ++bins.at(static_cast<std::size_t>(100 * u));

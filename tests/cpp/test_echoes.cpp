@@ -28,7 +28,7 @@ World short_run_of(const std::string& scene) {
       read_scene(configs() / "scenes" / (scene + ".yaml"), assignments, "datasheet"));
 }
 
-/// A LiDAR with beams of 0.4 x 0.2 degrees, which looks 0 to 20 degrees down.
+/// Returns a LiDAR with beams of 0.4 x 0.2 degrees, which looks 0 to 20 degrees down.
 LidarConfig wide_lidar(BeamWhere where = BeamWhere::kMoving) {
   LidarConfig lidar = plain_lidar("lidar", spinning(41, -20, 0, 0.5));
   ReturnsConfig& returns = lidar.units.front().returns;
@@ -68,7 +68,7 @@ TEST(beam, has_the_shape_of_an_even_ellipse) {
         up += shares[i] * z * z;
       }
       EXPECT_NEAR(sum, 1, 1e-6);
-      // The mean square distance from an axis of an even disc is a quarter.
+      // The mean square distance of the points of a uniform unit disc from its diameter is 1/4.
       EXPECT_NEAR(left, 0.25, 0.005);
       EXPECT_NEAR(up, 0.25, 0.005);
     }
@@ -99,7 +99,7 @@ TEST(beam, that_meets_no_moving_object_is_a_ray) {
   scene.buildings.back().y_m = 20;
   LidarConfig ray = wide_lidar();
   ray.units.front().returns.beam.reset();
-  // The car is seen by some rays. All other points are those of rays.
+  // Beams on the car are cast as sub-rays. All other points are the same as with beams of one ray.
   const World world = world_with(scene, {car_on_road(1, -12, -3, 0)});
   const Frame wide = frame_of(world, wide_lidar()), narrow = frame_of(world, ray);
   std::map<std::pair<float, int>, float> range;  // by time and ring
@@ -169,7 +169,7 @@ TEST(beam, beside_a_car_sees_it) {
 
 // --- merging ---
 
-/// The merged echoes of a beam of equal sub-rays, the strongest first.
+/// Returns the merged echoes of a beam of equal sub-rays, the strongest echo first.
 std::vector<Echo> merged(const std::vector<Echo>& of_sub_rays, double separation_m,
                          const EchoPath& path = {}) {
   EchoBatch sub_echoes, echoes;
@@ -219,7 +219,7 @@ TEST(echoes, are_in_the_order_of_strength_after_the_air_and_beyond_the_blind_zon
 
 using RayKey = std::pair<float, int>;  // time and ring
 
-/// Ranges of the points of each ray, in their order.
+/// Returns the ranges of the points of each ray, in the order of the points.
 std::map<RayKey, std::vector<double>> by_ray(const Frame& frame) {
   std::map<RayKey, std::vector<double>> out;
   for (std::size_t i = 0; i < frame.cloud.size(); ++i)
@@ -227,7 +227,7 @@ std::map<RayKey, std::vector<double>> by_ray(const Frame& frame) {
   return out;
 }
 
-/// A car before a truck, so that many beams meet both.
+/// Returns a world with a car in front of a truck, so that many beams meet both.
 World car_before_truck() {
   SceneConfig scene = empty_road();
   ObjectState truck = car_on_road(2, -40, -3, 0);
@@ -304,7 +304,7 @@ TEST(echoes, two_on_one_vehicle_count_once_in_its_boxes_in_a_fused_frame) {
     return std::pair(car.points_in_box, car.points_in_scan_box);
   };
   const Frame once = frame_of(world, plain_lidar("lidar", spinning(41, -40, 0, 0.5)));
-  Frame twice = once;  // each ray on the car gives a second point
+  Frame twice = once;  // copy in which each ray on the car gives a second point
   twice.cloud = {};
   for (std::size_t i = 0; i < once.cloud.size(); ++i)
     for (const bool second : {false, true}) {

@@ -23,8 +23,8 @@ constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr float kFloatInf = std::numeric_limits<float>::infinity();
 using Indices = std::vector<int>;
 
-/// Percentages: kept vehicle points that are 0.3 m or more above the road, and removed ground
-/// points.
+/// Percentage of the vehicle points 0.3 m or more above the road that the filter keeps, and
+/// percentage of the ground points that the filter removes.
 struct Score {
   double vehicles_kept;
   double ground_removed;
@@ -57,7 +57,8 @@ Scene flat_road(double grade = 0) {
   return {{{-200, -6}, {200, -6}}, grade, traffic(kEightLanes, 18, 0, grade), {}};
 }
 
-/// A road on an embankment of 8 m height with slopes of 1:1.5. The LiDAR is 3 m from the edge.
+/// Returns a road on an embankment of 8 m height with slopes of 1:1.5. The LiDAR is 3 m from the
+/// edge.
 Scene bank() {
   return {{{-200, -14}, {-35, -14}, {-20, -6}, {3, -6}, {15, -14}, {200, -14}},
           0,
@@ -65,7 +66,7 @@ Scene bank() {
           {}};
 }
 
-/// A road of 42 m width. The LiDAR is above its middle.
+/// Returns a road of 42 m width. The LiDAR is above its middle.
 Scene wide_bank() {
   return {{{-200, -14}, {-37, -14}, {-21, -6}, {21, -6}, {37, -14}, {200, -14}},
           0,
@@ -73,7 +74,7 @@ Scene wide_bank() {
           {}};
 }
 
-/// A road of 10.5 m width with slopes of 1:3.
+/// Returns a road of 10.5 m width with slopes of 1:3.
 Scene narrow_bank() {
   return {{{-200, -14}, {-32, -14}, {-8, -6}, {2.5, -6}, {26.5, -14}, {200, -14}},
           0,
@@ -101,7 +102,8 @@ TEST(filter, no_step_keeps_nan_or_infinite_points) {
   EXPECT_EQ(keep_all({}, xyz), Indices{});
 }
 
-/// The cloud with three points at 0 0 0 before each point, as drivers write rays without a return.
+/// Returns the cloud with three points at 0 0 0 inserted before each point. Some drivers write such
+/// a point for a ray without a return.
 std::vector<float> with_rays_without_return(const std::vector<float>& xyz) {
   std::vector<float> out;
   for (std::size_t i = 0; i < xyz.size(); i += 3) {
@@ -218,7 +220,8 @@ TEST(ground, plane_filter_removes_only_one_plane_of_a_bank) {
     EXPECT_TRUE(cloud.object[i] != -1 || cloud.above_road_m[i] < -0.1) << "a point of the road";
 }
 
-/// A road 6 m below the LiDAR, and a wider field beside it. The plane of the field has more points.
+/// Returns a road 6 m below the LiDAR, and a wider field beside it. The plane of the field has more
+/// points.
 Scene road_and_field(double field_z) {
   return {
       {{-120, field_z}, {-5, field_z}, {-4, -6}, {4, -6}, {5, field_z}, {120, field_z}}, 0, {}, {}};
@@ -296,8 +299,8 @@ std::vector<Vec3> ahead() {
   return out;
 }
 
-/// Learns from frames with moving traffic of 25 vehicles per km and lane, and filters a later
-/// frame.
+/// Learns the background from frames with moving traffic of 25 vehicles per km and lane, filters a
+/// later frame, and returns the score of that frame.
 template <class Directions>
 Score learn_and_filter(Scene scene, std::span<const double> lanes_y, int frames, double max_range_m,
                        Directions directions) {
@@ -363,7 +366,7 @@ TEST(background, what_appears_where_nothing_was_ever_seen_is_kept) {
             (Indices{0, 2}));
 }
 
-/// A model with few cells: one ring of ground.
+/// Returns a model with few cells, which is learnt from one ring of ground points.
 BackgroundModel coarse_model() {
   std::vector<std::vector<float>> frames(1);
   for (int i = 0; i < 360; ++i) {

@@ -70,7 +70,7 @@ TEST(frame_writer, lets_no_more_jobs_wait_than_it_may) {
   writer.write([&] { gate.pass(); });
   for (int i = 0; i < 10; ++i)
     writer.write([&] { (std::this_thread::get_id() == caller ? here : there) += 1; });
-  // the jobs that the caller ran itself; one more job may wait while the first one runs
+  // `here` counts the jobs that the caller ran itself; the other jobs wait in the queue
   EXPECT_GE(here, 7);
   EXPECT_EQ(there, 0);
   gate.open();

@@ -38,7 +38,7 @@ ObjectRecord record(int id, const Box3d& box, int points) {
   return o;
 }
 
-/// A car 20 m ahead and 3 m to the left. The road is 6 m below the sensor.
+/// Returns a car 20 m ahead and 3 m to the left. The road is 6 m below the sensor.
 ObjectRecord car_ahead(double heading) {
   return record(7, {20, 3, -5.25, 4.5, 1.9, 1.5, heading}, 42);
 }
@@ -76,7 +76,8 @@ Frame small_frame() {
 
 // --- labels -----------------------------------------------------------------------------------
 
-/// Columns of a label: type truncated occluded alpha bbox(4) h w l x y z rotation_y.
+/// Returns the numbers of a label, whose columns are: type truncated occluded alpha bbox(4) h w l x
+/// y z rotation_y.
 std::vector<double> label_numbers(const ObjectRecord& object) {
   std::vector<double> out;
   const auto words = split(split(label_text({object}, true, LabelTime::kFrame), '\n').at(0), ' ');

@@ -26,17 +26,17 @@ using testing::world_with;
 
 constexpr double kMiddle_s = kUsualPeriod_s / 2;
 
-/// A LiDAR that looks 0 to 20 degrees down, with azimuth steps of 0.2 degrees.
+/// Returns a LiDAR that looks 0 to 20 degrees down, with azimuth steps of 0.2 degrees.
 LidarConfig fine_lidar() { return plain_lidar("lidar", spinning(41, -20, 0, 0.2)); }
 
-/// Cars with 14 to 20 m/s ahead of the mount, behind it and beside it.
+/// Returns cars with speeds of 14 to 20 m/s ahead of the mount, behind it and beside it.
 std::vector<ObjectState> cars_around() {
   return {car_on_road(1, 12, -1.8, 0, 20),  car_on_road(2, 25, -1.8, 0, 20),
           car_on_road(3, 18, 1.8, kPi, 15), car_on_road(4, -20, 1.8, kPi, 14),
           car_on_road(5, -14, -1.8, 0, 18), car_on_road(6, -2, -9, 0.4, 16)};
 }
 
-/// Firing times of the points on a vehicle, in increasing order.
+/// Returns the firing times of the points on a vehicle, in increasing order.
 std::vector<double> times_of(const Frame& f, int id) {
   std::vector<double> times;
   for (std::size_t i = 0; i < f.cloud.size(); ++i)
@@ -45,8 +45,8 @@ std::vector<double> times_of(const Frame& f, int id) {
   return times;
 }
 
-/// Largest distance of a vehicle's points outside a box, for the points that were fired near a
-/// time.
+/// Returns the largest distance from a box to a vehicle's points outside the box. Only points that
+/// were fired within `within_s` of `time_s` count.
 double farthest_outside(const Frame& f, int id, const Box3d& box, double time_s, double within_s) {
   double farthest = 0;
   for (std::size_t i = 0; i < f.cloud.size(); ++i) {
@@ -95,7 +95,8 @@ TEST(cut, is_half_a_turn_of_a_unit_that_spins) {
 
 // --- where the label is -----------------------------------------------------------------------
 
-/// The box at scan time contains the vehicle's points, except for the motion during the scan.
+/// Checks that the box at scan time contains the vehicle's points. A point may lie outside by at
+/// most the distance that the vehicle moves during the scan.
 void expect_enclosed(const Frame& f) {
   int vehicles = 0;
   for (const ObjectRecord& o : f.objects) {

@@ -19,7 +19,7 @@ using testing::expect_within;
 using testing::simulate_traffic;
 using testing::TestFolder;
 
-/// The curve for five seconds, with rows of parked vehicles.
+/// Returns the scene `curve` with a duration of five seconds and rows of parked vehicles.
 SceneConfig with_parked(const std::string& rows) {
   const std::vector<std::string> assignments{"duration_s=5", "traffic.warm_up_s=5",
                                              "parked=" + rows};

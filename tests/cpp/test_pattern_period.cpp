@@ -31,8 +31,8 @@ PatternConfig turning(double rate_hz, double step_deg) {
   return pattern;
 }
 
-/// Largest change of direction or time between the rays of two frames, which have equally many
-/// rays.
+/// Returns the largest difference of direction or time between corresponding rays of two frames.
+/// The frames must have equally many rays.
 double difference(const LidarConfig& lidar, int frame, int other) {
   double most = 0;
   const double frame_s = period_s(lidar);

@@ -16,7 +16,7 @@ namespace {
 using testing::configs;
 using testing::error_of;
 
-/// The curve with rows of people.
+/// Returns the scene `curve` with rows of people.
 SceneConfig with_people(const std::string& rows, const std::string& duration_s = "5") {
   const std::vector<std::string> assignments{"duration_s=" + duration_s, "traffic.warm_up_s=5",
                                              "people=" + rows};

@@ -30,15 +30,15 @@ using testing::spinning;
 using testing::straight_on;
 using testing::world_with;
 
-/// A LiDAR that looks 0 to 20 degrees down, with 1800 columns per turn at 10 Hz.
-/// A turn begins behind the sensor, so that it does not split a car ahead.
+/// Returns a LiDAR that looks 0 to 20 degrees down, with 1800 columns per turn at 10 Hz. A turn
+/// begins behind the sensor, so that it does not split a car ahead.
 LidarConfig fine_lidar(double rate_hz) {
   PatternConfig pattern = spinning(41, -20, 0, 0.2);
   pattern.spinning->cut_angle_deg = 180;
   return with_rate(plain_lidar("lidar", pattern), rate_hz);
 }
 
-/// A car that brakes from 20 m/s and turns.
+/// Returns the trajectory of a car that brakes from 20 m/s and turns.
 Trajectories braking(int steps) {
   Trajectories out;
   for (int k = 0; k <= steps; ++k) {

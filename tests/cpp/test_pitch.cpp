@@ -18,7 +18,7 @@ using testing::TestFolder;
 
 constexpr double kGrade = 0.06;
 
-/// Cars that drive up and down a grade along x and pass the mount.
+/// Returns the trajectories of cars that drive up and down a grade along x and pass the mount.
 Trajectories on_a_grade(double speed_m_s, int frames) {
   std::vector<ObjectState> cars{car_on_road(1, -30, 4, 0, speed_m_s),
                                 car_on_road(2, 30, -4, kPi - 0.001, speed_m_s)};
@@ -40,7 +40,7 @@ World world_on_a_grade(double speed_m_s) {
   return world;
 }
 
-/// Distance of a point from a box; 0 inside.
+/// Returns the distance of a point from a box; 0 if the point is inside.
 double outside(const Box3d& box, Vec3 p) { return norm(p - BoxFrame(box).nearest(p)); }
 
 TEST(pitch, points_of_a_vehicle_on_a_grade_lie_in_its_own_box) {
@@ -76,7 +76,8 @@ TEST(pitch, points_of_a_vehicle_on_a_grade_lie_in_its_own_box) {
 
 TEST(pitch, a_vehicle_at_the_end_of_the_range_has_the_same_points_beside_a_longer_range) {
   ObjectState truck = car_on_road(1, 53.85, 0, 0);
-  // The nose is low, and an upper corner of the front points at the LiDAR, 49.6 m away.
+  // The front of the truck is pitched down. An upper corner of the front points at the LiDAR, 49.6
+  // m away.
   truck.box = {.x = 53.85, .y = 0, .z = 6, .dx = 7, .dy = 2.6, .dz = 4, .pitch = 0.5};
   truck.box.heading = kPi - std::atan2(2.6, levelled(truck.box).dx);
   World world = build_world(empty_road());  // bodies fill their boxes

@@ -18,7 +18,7 @@ namespace {
 
 using Rows = std::vector<std::int64_t>;
 
-/// Points on a coarse grid, so that many distances and points are equal.
+/// Returns random points on a coarse grid, so that many distances and points are equal.
 std::vector<float> points_on_a_grid(std::size_t n, unsigned seed) {
   std::mt19937 random(seed);
   std::vector<float> xyz(3 * n);
@@ -119,7 +119,7 @@ TEST(reached_voxels, are_those_whose_kernel_covers_a_voxel) {
 
 TEST(pillar_map, is_the_convolution_of_the_highest_point_of_each_cell) {
   // The only input is the height. The canvas has the highest z of each cell: 3 at row 1, column 2,
-  // and 5 at row 3, column 0. Each element of the kernel has another weight.
+  // and 5 at row 3, column 0. Each element of the kernel has a different weight.
   const std::vector<float> points{2.2F, 1.5F, 3, 2.9F, 1.1F, 2, 0.5F, 3.5F, 5};
   const PillarGrid grid{.low_x = 0, .low_y = 0, .middle_z = 0, .side = 1, .rows = 4, .columns = 4};
   const std::vector<float> height{1}, none{0}, taps{1, 2, 3, 4, 5, 6, 7, 8, 9}, bias{-9.5F};

@@ -41,7 +41,7 @@ TriangleMesh triangles(const std::vector<std::array<Vec3, 3>>& list) {
   return mesh;
 }
 
-/// An upright rectangle across the view at a distance along x, from y0 to y1.
+/// Returns an upright rectangle across the view at a distance along x, from y0 to y1.
 TriangleMesh wall(double x, double y0, double y1) {
   const Vec3 a{x, y0, -50}, b{x, y1, -50}, c{x, y1, 50}, d{x, y0, 50};
   return triangles({{a, b, c}, {a, c, d}});
@@ -54,7 +54,7 @@ Vec3 direction(double azimuth, double elevation) {
           std::sin(elevation)};
 }
 
-/// Rays with times within the period.
+/// Returns rays with the given directions and firing times (s).
 RayBatch ray_batch(const std::vector<Vec3>& directions, const std::vector<double>& times) {
   RayBatch rays;
   rays.resize(directions.size());
@@ -68,7 +68,8 @@ RayBatch ray_batch(const std::vector<Vec3>& directions, const std::vector<double
   return rays;
 }
 
-/// Rays in all azimuths, at elevations from low to high (rad), each with its own time.
+/// Returns rays in random directions at random times. The azimuths cover the whole turn; the
+/// elevations are between `low` and `high` (rad).
 RayBatch random_rays(std::mt19937& random, int n, double low = -0.5, double high = 0.1) {
   std::uniform_real_distribution<double> uniform(0, 1);
   std::vector<Vec3> directions;
@@ -93,7 +94,7 @@ HitBatch cast(Raycaster& raycaster, const RayBatch& rays) {
   return hits;
 }
 
-/// Casts one ray at a scene of one background and some bodies.
+/// Result of casting one ray at a scene of one background and some bodies.
 struct Shot {
   float range, cos_incidence;
   int object, class_id;
@@ -120,7 +121,7 @@ struct OracleHit {
   int object = -1;
 };
 
-/// Intersection of a ray and a triangle (Moeller and Trumbore 1997).
+/// Returns the range at which a ray from the origin meets a triangle (Moeller and Trumbore 1997).
 double range_to_triangle(Vec3 d, Vec3 a, Vec3 b, Vec3 c) {
   const auto cross3 = [](Vec3 p, Vec3 q) {
     return Vec3{p.y * q.z - p.z * q.y, p.z * q.x - p.x * q.z, p.x * q.y - p.y * q.x};
@@ -162,7 +163,8 @@ bool agree(const OracleHit& truth, double range, int object) {
   return truth.object == object && std::abs(truth.range - range) <= 1e-3;
 }
 
-/// True if the ray passes an edge: after a rotation by 1e-5 rad, the hits agree.
+/// Returns true if the ray passes an edge, so that the hits agree after a rotation of the ray by
+/// 1e-5 rad.
 bool grazes(const OracleWorld& world, Vec3 d, double u, double range, int object) {
   for (const Vec3 shift : {Vec3{1e-5, 0, 0}, Vec3{-1e-5, 0, 0}, Vec3{0, 1e-5, 0}, Vec3{0, -1e-5, 0},
                            Vec3{0, 0, 1e-5}, Vec3{0, 0, -1e-5}}) {
@@ -372,7 +374,8 @@ TEST(raycaster, nothing_is_hit_above_the_horizon) {
   EXPECT_GT(above, 10000);
 }
 
-/// Corners of a prism's outline. If requested, one of them is exactly behind the sensor.
+/// Returns the corners of a prism's outline. If `behind` is true, one corner is exactly behind the
+/// sensor.
 std::array<Vec2, 4> random_outline(std::mt19937& random, bool behind) {
   std::uniform_real_distribution<double> uniform(-1, 1);
   const double heading = kPi * uniform(random);
@@ -412,7 +415,7 @@ TEST(horizon, covers_all_whose_cone_reaches_into_a_view) {
         level += covers(0) ? 0 : 1;
       }
   }
-  EXPECT_GT(level, 1000);  // for these cones, the axis alone passes the body
+  EXPECT_GT(level, 1000);  // number of cones that meet the body although their axis does not
 }
 
 TEST(raycaster, a_wall_that_ends_at_180_degrees_is_seen_at_minus_180_degrees) {

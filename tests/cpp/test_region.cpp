@@ -17,7 +17,7 @@ namespace {
 using testing::empty_road;
 using testing::region_of;
 
-/// A scene with one road of the given pieces from (0, 0) to the east.
+/// Returns a scene with one road of the given pieces from (0, 0) to the east.
 SceneConfig with_road(const std::vector<CentrelinePiece>& pieces, double half_length_m) {
   SceneConfig scene = empty_road();
   scene.roads[0].start.x_m = 0;
@@ -26,7 +26,8 @@ SceneConfig with_road(const std::vector<CentrelinePiece>& pieces, double half_le
   return scene;
 }
 
-/// Compares the region with a search over the whole centreline for each of some random points.
+/// Checks for some random points that the region gives the same result as a search over the whole
+/// centreline.
 void expect_as_by_search(SceneConfig scene, Vec2 foot, double yaw_deg, double spread_m) {
   MountConfig& mount = scene.mounts.begin()->second;
   mount.x_m = foot.x;

@@ -34,7 +34,7 @@ EchoBatch echoes_at(double range, std::size_t n, float reflectance, float gain =
   return echoes;
 }
 
-/// The returns of many equal echoes.
+/// Returns the result of `apply` for many equal echoes.
 ReturnBatch returns(const ReturnsConfig& config, double range, float reflectance = 0.1F,
                     const WeatherConfig& weather = {}, std::size_t n = kDraws) {
   const ReturnModel model(config, weather);
@@ -50,7 +50,7 @@ double kept(const ReturnsConfig& config, double range, float reflectance = 0.1F,
   return static_cast<double>(returns(config, range, reflectance, weather).echo.size()) / kDraws;
 }
 
-/// Five standard deviations of a share of all samples.
+/// Returns five standard deviations of the share of kDraws samples that have a given probability.
 double bound(double share) { return 5 * std::sqrt(share * (1 - share) / kDraws) + 1e-9; }
 
 struct Moments {
@@ -105,9 +105,9 @@ TEST(returns, of_every_hit_are_points_in_any_weather) {
 TEST(drop_off, keeps_the_shares_of_carla) {
   ReturnsConfig config = returns_up_to(300);
   config.drop_off.emplace();
-  // The random loss keeps a share of 0.55. All of these points are kept while the intensity
-  // I = exp(-0.004 d) is above 0.8, up to 55.8 m. At longer ranges, a share of 0.5 I + 0.6 of them
-  // is kept.
+  // The random loss keeps a share of 0.55. All remaining points are kept if the intensity I =
+  // exp(-0.004 d) is above 0.8, which it is up to 55.8 m. At longer ranges, a share of 0.5 I + 0.6
+  // of the remaining points is kept.
   for (const double range : {1.0, 30.0, 55.0, 57.0, 80.0, 100.0, 250.0}) {
     const double intensity = std::exp(-0.004 * range);
     const double wanted = 0.55 * (intensity > 0.8 ? 1 : 0.5 * intensity + 0.6);
@@ -142,7 +142,7 @@ ReturnsConfig detecting(double range_at_10_percent_m) {
   return config;
 }
 
-/// The share of echoes of one ring that are detected.
+/// Returns the share of the echoes of one ring that are detected.
 double kept_in_ring(const ReturnModel& model, std::uint16_t ring, double range) {
   constexpr std::size_t kFew = 4000;
   const EchoBatch echoes = echoes_at(range, kFew, 0.1F);
@@ -188,7 +188,7 @@ TEST(returns, of_a_channel_begin_at_its_own_shortest_range) {
   EXPECT_EQ(kept_in_ring(model, 0, 1.5), 1);
   EXPECT_EQ(kept_in_ring(model, 1, 1.3), 1);
   EXPECT_EQ(kept_in_ring(model, 1, 0.2), 0);
-  config.detection.reset();  // as under the preset `equal`, all channels are alike
+  config.detection.reset();  // as under the preset `equal`, all channels then have the same limits
   EXPECT_EQ(kept_in_ring(ReturnModel(config, {}, channels), 0, 1.3), 1);
 }
 
@@ -344,7 +344,8 @@ TEST(draws, depend_on_seed_lidar_and_frame) {
 }
 
 TEST(draws, of_targets_that_can_not_be_seen_or_missed_change_nothing) {
-  // Margins from -17 to 17 and some larger ones. For the largest ones no random sample is used.
+  // The echoes have margins from -17 to 17, and some larger margins. For the largest margins no
+  // random sample is used.
   ReturnsConfig config = returns_up_to(500);
   DetectionConfig& detection = config.detection.emplace();
   detection.range_at_10_percent_m = 100;
@@ -367,7 +368,8 @@ TEST(draws, of_targets_that_can_not_be_seen_or_missed_change_nothing) {
 
 // --- warnings of weather ------------------------------------------------------------------------
 
-/// Warnings of a run in this weather, with units that detect by power or do not.
+/// Returns the warnings of a run in this weather, for a LiDAR with one unit per entry of
+/// `detecting`. The entry states whether the unit detects by received power.
 std::vector<std::string> warnings_of(const WeatherConfig& weather,
                                      const std::vector<bool>& detecting) {
   LidarConfig lidar;

@@ -27,7 +27,8 @@ using testing::spinning;
 
 const Mat3 kLevel = rotation(0, 0, 0);
 
-/// 16 lines, 2 degrees apart, fired one after the other in the order -15, 1, -13, 3, ...
+/// Returns a pattern of 16 lines, 2 degrees apart, fired one after the other in the order -15, 1,
+/// -13, 3, ...
 PatternConfig vlp16() {
   SpinningConfig s;
   s.rate_hz = 10;
@@ -45,7 +46,7 @@ PatternConfig avia() {
   return read_lidar(configs() / "lidars/livox_avia.yaml", "paper").units.front().pattern;
 }
 
-/// 16 lines, of which some fire in every second, third or sixth column.
+/// Returns a pattern of 16 lines, of which some fire in every second, third or sixth column.
 PatternConfig alternating() {
   PatternConfig pattern = vlp16();
   std::vector<Channel>& channels = pattern.spinning->channels.table;
@@ -55,7 +56,7 @@ PatternConfig alternating() {
   return pattern;
 }
 
-/// The pattern of five_directions with unevenly spaced times.
+/// Returns the pattern of five_directions with unevenly spaced times.
 PatternConfig five_directions_in_bursts() {
   PatternConfig pattern = five_directions();
   pattern.table->times_s = {0, 0.0001, 0.0001, 0.0032, 0.0041};
@@ -82,7 +83,7 @@ struct Named {
   std::string name;
   ScanPattern pattern;
 };
-/// Patterns of every kind, some of them with motors that have run for some time.
+/// Returns patterns of every kind, some of them with motors that have run for some time.
 std::vector<Named> all_patterns() {
   const Mat3 pose = rotation(0.4, -0.2, 0.1);
   PatternConfig uneven = spinning(5, -10, 10, 0.17);
@@ -320,7 +321,7 @@ TEST(catalogue, lidars_have_the_columns_of_their_firing_cycle) {
 TEST(catalogue, channels_fire_one_after_the_other_within_their_cycle) {
   struct Times {
     std::string name;
-    double step_us, last_us;  ///< step between neighbouring fire times, and the last one
+    double step_us, last_us;  ///< difference of consecutive fire times, and the last fire time
   };
   for (const auto& [name, step_us, last_us] : std::vector<Times>{{"velodyne_vlp_16", 2.304, 34.56},
                                                                  {"velodyne_vlp_32c", 2.304, 34.56},
@@ -482,7 +483,7 @@ TEST(scan_pattern, a_tile_is_4_columns_of_4_neighbouring_rings) {
 TEST(table_pattern, fires_at_the_times_of_its_rows_over_and_over) {
   const std::vector<double> times = five_directions_in_bursts().table->times_s;
   constexpr double kTable_s = 5 / 1003.0;
-  // 12 rows ahead: two repetitions of the table and two rows
+  // With the phase, the pattern is 12 rows ahead: two repetitions of the table and two rows.
   for (const double phase_s : {0.0, 0.0123}) {
     const ScanPattern pattern(five_directions_in_bursts(), phase_s, kLevel, 0);
     const std::int64_t ahead = phase_s > 0 ? 12 : 0;
@@ -649,7 +650,7 @@ TEST(start_phase, is_locked_of_spinning_units_and_free_of_all_others_unless_said
   EXPECT_GT(start_phase_s(1, "pole", lidar, 0), 0);
 }
 
-/// Azimuth of the first ray of a frame, degrees.
+/// Returns the azimuth of the first ray of a frame, in degrees.
 double first_azimuth(const PatternConfig& config, int k, const Mat3& pose = kLevel) {
   return deg(azimuth(rays_of(ScanPattern(config, 0, pose, 0), k), 0));
 }

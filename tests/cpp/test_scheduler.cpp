@@ -36,7 +36,8 @@ std::vector<int> first_frames(int n) {
   return frames;
 }
 
-/// Even frames take longer, so that results are ready in another order.
+/// Returns a result that depends on the frame. Even frames take longer, so that results are not
+/// ready in frame order.
 int slowly(FrameSimulator&, int k) {
   std::this_thread::sleep_for(std::chrono::milliseconds(k % 2 == 0 ? 3 : 0));
   return 10 * k;

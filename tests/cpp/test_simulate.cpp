@@ -39,7 +39,7 @@ using testing::spinning;
 using testing::straight_on;
 using testing::world_with;
 
-/// A LiDAR that looks 0 to 20 degrees down, with enough rays to hit a car often.
+/// Returns a LiDAR that looks 0 to 20 degrees down, with enough rays to hit a car often.
 LidarConfig fine_lidar(const std::string& name = "lidar") {
   return plain_lidar(name, spinning(41, -20, 0, 0.5));
 }
@@ -52,8 +52,7 @@ LidarConfig drawing_lidar(const std::string& name) {
   return lidar;
 }
 
-/// Cars and a bus around the mount. The levelled frame and the world frame differ by the mount's
-/// pose.
+/// Returns cars and a bus around the mount, in the world frame.
 std::vector<ObjectState> vehicles_around() {
   ObjectState bus = car_on_road(4, -30, 5.3, kPi, 12);
   bus.object_class = Class::kBus;
@@ -128,7 +127,7 @@ TEST(frame, that_the_scene_does_not_have_is_an_error) {
 
 // --- motion -----------------------------------------------------------------------------------
 
-/// The box of a vehicle at the firing time of a point.
+/// Returns the box of a vehicle at the firing time of a point.
 Box3d box_at(const World& world, const PointCloud& cloud, std::size_t i, int k) {
   for (const MovingObject& o : world.trajectories->between(k, k + 1))
     if (o.id == cloud.object_id[i])
@@ -402,7 +401,7 @@ TEST(mount, pitched_down_looks_at_the_ground_ahead) {
 
 // --- beams wider than a ray -------------------------------------------------------------------
 
-/// The road is 100 m away, so that objects can be anywhere around the mount.
+/// Returns a scene whose road is 100 m away, so that objects can be anywhere around the mount.
 SceneConfig open_site() {
   SceneConfig scene = empty_road();
   scene.roads.front().start.y_m = -100;
@@ -438,12 +437,13 @@ TEST(beam, just_above_the_horizon_sees_what_stands_just_below_it) {
   wall.x_m = 25;
   wall.y_m = 20;
   wall.width_m = 30;
-  wall.height_m = 5.95;  // 0.14 degrees below the horizon: at 20 m, seen from a height of 6 m
-  const Frame f = frame_of(world_with(scene, {}), beam_lidar(0.2, 2));  // from -0.8 to 1.2 degrees
+  // the top is 0.14 degrees below the horizon, seen from 20 m away at 6 m height
+  wall.height_m = 5.95;
+  const Frame f = frame_of(world_with(scene, {}), beam_lidar(0.2, 2));  // beam: -0.8 to 1.2 degrees
   EXPECT_GT(f.cloud.size(), 20U);
 }
 
-/// The range that a beam of two equal sub-rays reports, from the hits of both.
+/// Returns the range that a beam of two equal sub-rays reports, from the hits of both.
 float reported(const std::array<float, 2>& ranges, const std::array<float, 2>& reflectance,
                const EchoPath& path) {
   EchoBatch sub_echoes, echoes;
@@ -612,8 +612,8 @@ TEST(beam, straight_down_is_at_the_sensors_height) {
 
 // --- ties ---
 
-/// Rays to positions around the bottoms of two cars and around their common face. Many positions
-/// are exactly on an edge.
+/// Returns rays to positions around the bottoms of two cars and around their common face. Many
+/// positions are exactly on an edge.
 RayBatch rays_at_shared_edges(const World& world, const std::vector<ObjectState>& cars) {
   std::vector<Vec3> targets;
   for (const ObjectState& car : cars)

@@ -1,4 +1,4 @@
-// A scene from files: surfaces (.ply), lanes with elevation.
+// Tests of scenes that are read from files: surfaces (.ply) and lanes with elevation.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -273,7 +273,7 @@ std::string standing_car() {
   return rows;
 }
 
-/// A square that replaces the text of kSquare.
+/// Returns the .ply text in which `corners` replaces the vertices of the square.
 std::string square(const std::string& corners) {
   return with("0 0 1 255\n2 0 1 255\n2 2 1 255\n0 2 1 255\n", corners);
 }

@@ -26,7 +26,7 @@ World crossroad(const std::vector<std::string>& assignments, const std::string& 
   return build_world(read_scene(configs() / "scenes/crossroad.yaml", all, preset));
 }
 
-/// A world that reads the static layer of a LiDAR from a file.
+/// Gives a world the static layer of a LiDAR, as if it had been read from a file.
 void give_layer(World& world, const LidarConfig& lidar, const std::vector<StaticHits>& units) {
   world.static_layers.emplace(
       lidar.name, static_layer_from_bytes(static_layer_to_bytes({}, units), "given.layer"));
@@ -94,7 +94,7 @@ TEST(static_layer_file, is_refused_for_lidars_that_it_is_not_of) {
   says(refused(twice), "units: expected 2, as");
 }
 
-/// A scene on disk with a layer of the scene or of a recording.
+/// A scene on disk, with a static layer that is cast in the scene or made from a recording.
 class LayerOnDisk {
  public:
   explicit LayerOnDisk(bool recording) {
@@ -165,7 +165,7 @@ TEST(static_layer_file, is_refused_for_lidars_without_a_layer) {
             std::string::npos);
 }
 
-/// Two units with 2 groups of 3 rays. Each unit has one hit.
+/// Returns the hits of two units with 2 groups of 3 rays. Each unit has one hit.
 std::vector<StaticHits> small_units() {
   StaticHits unit;
   unit.groups = 2;
@@ -229,7 +229,7 @@ TEST(static_layer_file, that_is_damaged_is_an_error_with_its_place) {
   EXPECT_NE(with(kUnits + 20, -1.0F).find("max_range_m: expected above 0"), std::string::npos);
 }
 
-/// A road without vehicles, a house beside it, and level ground.
+/// Returns a scene with a road without vehicles, a house beside it, and level ground.
 SceneConfig empty_site() {
   SceneConfig scene = empty_road();
   scene.duration_s = 4;
@@ -243,7 +243,7 @@ SceneConfig empty_site() {
   return scene;
 }
 
-/// A LiDAR with range noise, whose far returns are detected with some probability.
+/// Returns a LiDAR with range noise, whose far returns are detected with some probability.
 LidarConfig noisy_lidar() {
   PatternConfig pattern = spinning(16, -24, 3, 1);
   pattern.spinning->azimuth_step_deg.reset();
@@ -264,8 +264,8 @@ void record(const World& world, const LidarConfig& lidar, int frames,
     write_frame(folder, k, simulator.simulate(k, {true})[0], {.point_fields = true});
 }
 
-/// Number of rays of a recorded layer that agree with a cast ray within three standard deviations
-/// of a return's noise, and number of rays with a hit in the recording.
+/// Returns two numbers: the rays of a recorded layer whose ranges agree with those of cast rays
+/// within three standard deviations of a return's noise, and the rays with a hit in the recording.
 std::pair<int, int> agreement(const StaticHits& recorded, const StaticHits& cast) {
   int agree = 0, hits = 0;
   for (std::size_t i = 0; i < recorded.range_m.size(); ++i) {

@@ -48,7 +48,7 @@ double mean_speed(const std::vector<ObjectState>& row) {
   return sum / static_cast<double>(std::max<std::size_t>(1, row.size()));
 }
 
-/// Number of vehicles and their mean speed in the rows from `from` to `to` seconds, `to` excluded.
+/// Mean number of vehicles and mean speed over the rows from `from_s` to `to_s`, without `to_s`.
 struct Flow {
   double vehicles = 0;
   double speed_m_s = 0;
@@ -73,7 +73,8 @@ void expect_no_overlaps(const SceneConfig& scene) {
 
 TEST_P(committed_traffic, no_two_vehicles_are_in_one_place) { expect_no_overlaps(scene); }
 
-/// Footprints of the buildings, and of the legs of gantries, which are 0.5 m off the carriageway.
+/// Returns the footprints of the buildings, and of the legs of gantries, which are 0.5 m off the
+/// carriageway.
 std::vector<std::array<Vec2, 4>> standing_footprints(const SceneConfig& scene) {
   std::vector<std::array<Vec2, 4>> out;
   for (const BuildingConfig& b : scene.buildings)
@@ -147,7 +148,8 @@ TEST_P(committed_traffic, moves_as_far_as_its_speed_says) {
   for_each_step(trajectories, [&](const ObjectState& a, const ObjectState& b, double t) {
     const double moved = std::hypot(b.box.x - a.box.x, b.box.y - a.box.y) / kRowStep_s;
     const double stated = (a.speed_m_s + b.speed_m_s) / 2;
-    // The way of a driver beside the lane's centre is longer or shorter in a bend.
+    // In a bend, a driver beside the lane's centre line covers a longer or shorter distance than
+    // along the centre line.
     if (std::abs(moved - stated) > 0.1 * stated + 0.05 && ++wrong <= 5)
       ADD_FAILURE() << "vehicle " << a.id << " at " << t << " s: " << moved << " m/s, said "
                     << stated << ", x " << a.box.x << ", y " << a.box.y;
@@ -308,7 +310,8 @@ TEST(crossroad, has_vehicles_that_turn_left_and_right_and_go_straight_on) {
   EXPECT_GT(straight, left + right);
 }
 
-/// A road along x with two lanes each way, and a road that ends on it from the south at an angle.
+/// Returns a scene with a road along x with two lanes each way, and a road that ends on it from the
+/// south at an angle.
 SceneConfig t_junction(int lanes, double angle_deg) {
   SceneConfig scene = empty_road();
   scene.duration_s = 300;
@@ -329,7 +332,8 @@ SceneConfig t_junction(int lanes, double angle_deg) {
   return scene;
 }
 
-/// A ring at which a road along x with one lane each way meets another road.
+/// Returns a scene with a roundabout, at which a road along x with one lane each way meets another
+/// road.
 SceneConfig roundabout(double radius_m, double angle_deg, bool ends_there) {
   SceneConfig scene = t_junction(1, angle_deg);
   scene.roads[0].lanes.each_way = 1;
@@ -339,7 +343,8 @@ SceneConfig roundabout(double radius_m, double angle_deg, bool ends_there) {
   return scene;
 }
 
-/// Start and end of each vehicle's way: w(est), e(ast), s(outh).
+/// Returns the number of vehicles on each way through the junction. A way is named by its start and
+/// end: w(est), e(ast), s(outh).
 std::map<std::string, int> ways(const SceneConfig& scene) {
   const auto arm = [](const Box3d& box) { return box.y < -15 ? 's' : box.x < 0 ? 'w' : 'e'; };
   std::map<int, std::string> way;
@@ -381,7 +386,7 @@ void add_crossing(SceneConfig& scene, double x, bool with_ring) {
   scene.junctions.push_back(junction);
 }
 
-/// Number of vehicles that pass within 15 m of (x, 0).
+/// Returns the number of vehicles that pass within 15 m of (x, 0).
 std::size_t passing(const Trajectories& trajectories, double x) {
   std::set<int> ids;
   for (const auto& row : trajectories.rows)
@@ -390,8 +395,9 @@ std::size_t passing(const Trajectories& trajectories, double x) {
   return ids.size();
 }
 
-/// Number of vehicles that pass a junction with signals, and a junction with a roundabout. It is
-/// the mean over three seeds and over the junctions of the scene, which are 2 km apart.
+/// Returns the number of vehicles that pass a junction with signals (false) and a junction with a
+/// roundabout (true). Each number is the mean over three seeds and over the junctions of its kind
+/// in the scene. The junctions are 2 km apart.
 std::map<bool, double> flows(const std::vector<bool>& with_ring) {
   SceneConfig scene = empty_road();
   scene.roads.clear();

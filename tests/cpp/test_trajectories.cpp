@@ -44,7 +44,7 @@ void expect_error(const std::string& rows, int line, const std::string& key,
   expect_message(error_of([&] { read_trajectories(file); }), file, line, key, what);
 }
 
-/// The row of a car with usual values, except for time, id and x.
+/// Returns the row of a car with usual values, and with the given time, id and x.
 std::string row(const std::string& t, int id, const std::string& x) {
   return t + "," + std::to_string(id) + ",Car," + x + ",2,0.75,0.1,4.5,1.9,1.5,10\n";
 }
@@ -103,7 +103,8 @@ TEST(trajectories, of_a_scene_without_anybody_are_a_header_that_fits_any_duratio
   EXPECT_EQ(build_world(scene).trajectories->steps(), 30);
 }
 
-/// The road rises, so the tables have a column for the pitch.
+/// Returns the scene with a height profile. The road rises, so the tables have a column for the
+/// pitch.
 SceneConfig with_profile(SceneConfig scene) {
   scene.profile.emplace();
   scene.profile->points_m = {{-150, -9}, {0, 0}, {150, -6}};
@@ -350,7 +351,7 @@ TEST(trajectories, in_a_frame_are_the_vehicles_that_are_there_at_both_of_its_end
 
 // --- trajectories of some frames ----------------------------------------------------------------
 
-/// Three cars for ten frames.
+/// Returns the trajectories of three cars for ten frames.
 Trajectories three_cars() {
   return testing::straight_on(
       {car_on_road(1, 0, 0, 0, 8), car_on_road(2, 9, 0, 0), car_on_road(4, 30, 0, 0, 5)}, 10);
@@ -495,7 +496,7 @@ TEST(lazy_trajectories, that_are_many_keep_rows_that_were_requested) {
   ASSERT_LT(lazy.kept(), 601U);
   for (const int k : frames)
     EXPECT_TRUE(equal(lazy.between(k, k + 1), all->between(k, k + 1))) << k;
-  EXPECT_LT(lazy.kept(), 601U);  // rows are still dropped: no simulation began again
+  EXPECT_LT(lazy.kept(), 601U);  // rows are still dropped, so the simulation has not started again
 }
 
 TEST(lazy_trajectories, are_the_same_to_several_threads) {

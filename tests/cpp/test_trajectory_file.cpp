@@ -21,8 +21,8 @@ using testing::TestFolder;
 
 constexpr int kSteps = 10;
 
-/// A car that drives from row 2 on and leaves after row 8, one that waits in rows 3 to 7, and a
-/// parked one.
+/// Returns a world with a car that drives from row 2 on and leaves after row 8, a car that waits in
+/// rows 3 to 7, and a parked car.
 World world_of_three(double wait_x = 20) {
   World world = build_world(empty_road());
   Trajectories all;
@@ -117,7 +117,7 @@ TEST(merged_trajectories, of_a_run_with_other_objects_are_refused) {
   EXPECT_EQ(read_file(file), before);
 }
 
-/// The same world with other moving objects.
+/// Returns the world with moving objects that `change` has changed.
 World with_moving(World world, const std::function<void(Trajectories&)>& change) {
   Trajectories all = *world.trajectories;
   change(all);
@@ -125,7 +125,7 @@ World with_moving(World world, const std::function<void(Trajectories&)>& change)
   return world;
 }
 
-/// The same world as one of a recording, of which a folder has all rows.
+/// Returns the world as a world with recorded trajectories, whose folder must have all rows.
 World recorded(World world) {
   world.scene.traffic.reset();
   return world;
@@ -133,7 +133,8 @@ World recorded(World world) {
 
 void add_car(Trajectories& all) { all.rows[4].push_back(car_on_road(3, 80, 1.8, 0)); }
 
-/// Moves the waiting car in a row that the file omits, because its neighbours are equal.
+/// Moves the waiting car in a row in which the file omits its state, because the states before and
+/// after are equal.
 void move_waiting_car(Trajectories& all) { all.rows[5].back().box.y += 0.5; }
 
 void remove_car(Trajectories& all) {
@@ -179,7 +180,7 @@ TEST(merged_trajectories, of_an_earlier_version_with_every_state_belong_to_the_r
   const World world = recorded(world_of_three());
   const TestFolder folder;
   std::string every;
-  for (int k = 0; k <= kSteps; ++k) {  // the text of a single row has all its states
+  for (int k = 0; k <= kSteps; ++k) {  // a file of a single row omits no state
     const std::string text = merged(world_of_three(), {rows({{k, k}})});
     every += k == 0 ? text : text.substr(text.find('\n') + 1);
   }

@@ -183,7 +183,7 @@ TEST(vegetation, is_found_whatever_the_order_of_the_rays) {
 
 // --- frames -----------------------------------------------------------------------------------
 
-/// A LiDAR that detects everything up to 200 m.
+/// Returns a LiDAR that detects everything up to 200 m.
 LidarConfig seeing_lidar(const std::string& name = "seeing") {
   LidarConfig lidar = plain_lidar(name, spinning(16, -15, 15, 1));
   lidar.units[0].returns.detection.emplace().range_at_10_percent_m = 2000;
@@ -338,7 +338,8 @@ TEST(vegetation, is_met_by_beams_above_all_that_is_solid) {
 
 TEST(vegetation, hides_vehicles_by_its_mean) {
   SceneConfig scene = empty_road();
-  scene.vegetation = {hedge_across(0, 2)};  // 2 m with a probability of 1 per metre
+  // 2 m of leaves that stop a ray with a probability of 1 per metre
+  scene.vegetation = {hedge_across(0, 2)};
   scene.vegetation[0].hedge->length_m = 100;
   const TestFolder folder;
   const auto visibility = [&](const SceneConfig& s) {
@@ -350,7 +351,8 @@ TEST(vegetation, hides_vehicles_by_its_mean) {
     return raycaster.visibility(0, world.leaves);
   };
   EXPECT_EQ(visibility(empty_road()), 1);
-  // Rays look down by 8 degrees at most, so their ways are up to 1 % longer.
+  // Rays look down by 8 degrees at most, so their paths through the hedge are up to 1 % longer than
+  // 2 m.
   EXPECT_NEAR(visibility(scene), std::exp(-2.0), 0.01);
 }
 

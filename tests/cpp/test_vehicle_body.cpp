@@ -66,8 +66,8 @@ TEST(vehicle_body, is_closed) {
   });
 }
 
-/// Volume as a share of the box, by the divergence theorem. Triangles are clockwise seen from
-/// outside.
+/// Returns the volume as a share of the box's volume, by the divergence theorem. Triangles are
+/// clockwise seen from outside.
 double volume(const TriangleMesh& mesh) {
   double sum = 0;
   for (const auto& t : mesh.triangles) {
@@ -98,7 +98,7 @@ TEST(vehicle_body, of_a_person_displaces_as_much_as_one_of_50_to_100_kg) {
   });
 }
 
-/// The share of a grid of rays along an axis (0: x, 1: y) that meet the body.
+/// Returns the share of the rays of a grid, parallel to an axis (0: x, 1: y), that meet the body.
 double silhouette(const TriangleMesh& mesh, std::size_t axis) {
   constexpr int kGrid = 60;
   int stopped = 0;

@@ -32,8 +32,8 @@ constexpr VehicleParts only(bool VehicleParts::* part) {
 
 constexpr Vec3 kFront{1, 0, 0}, kLeft{0, 1, 0}, kUp{0, 0, 1};
 
-/// A hit on a car of 4.5 x 1.9 x 1.5 m: metres ahead of its centre, to the left of it, and above
-/// the road.
+/// Returns a hit on a car of 4.5 x 1.9 x 1.5 m: x metres ahead of the car's centre, y metres to the
+/// left of the centre, and z metres above the road.
 BodyHit car_hit(double x, double y, double z, Vec3 normal) {
   return {Class::kCar, {4.5, 1.9, 1.5}, {x / 4.5, y / 1.9, z / 1.5 - 0.5}, normal};
 }
@@ -57,7 +57,7 @@ TEST(part, of_a_car_is_that_of_its_place) {
   EXPECT_EQ(part_at(car_hit(0, 0.95, 0.21, kLeft), kAll), Part::kPaint);  // sill
 }
 
-/// The hit of a ray from the sensor at a body of a library, whose box is `box`.
+/// Returns the hit of a ray from the sensor through `target` on a body with the box `box`.
 std::optional<BodyHit> hit_at(Raycaster& raycaster, Class object_class, const Box3d& box,
                               Vec3 target) {
   RayBatch rays;
@@ -135,7 +135,8 @@ TEST(part, of_riders_and_pedestrians_is_one) {
       EXPECT_EQ(part_at({c, {2, .8, 1.6}, {0, .5, z}, kLeft}, kAll), Part::kPaint);
 }
 
-/// Share of glass on a body's surface between two heights, without the roof.
+/// Returns the share of glass in the area of a body's surface between two heights. The roof does
+/// not count.
 double glass_share(Class object_class, Vec3 size_m, double from, double to) {
   const TriangleMesh mesh = build_vehicle_body(object_class, Detail::kLow);
   double glass = 0, all = 0;
@@ -201,14 +202,16 @@ TEST(optics, of_plates_and_lamps_are_brighter_than_white_at_any_angle) {
 
 // --- what rays do -------------------------------------------------------------------------------
 
-/// Points of one frame by what they lie on: -1 for the road, otherwise the vehicle.
+/// The points of one frame. `points` is the number of points by id of the vehicle on which they
+/// lie; -1 for the road.
 struct Seen {
   std::map<int, int> points;
   double lowest_m = kInf;         ///< lowest point of a vehicle above the road
   std::vector<Vec3> of_vehicles;  ///< levelled frame
 };
 
-/// Vehicles in front of a sensor that detects by power. The sensor is 6 m above the road.
+/// Returns the points of vehicles in front of a sensor that detects by received power. The sensor
+/// is 6 m above the road.
 Seen seen(const std::vector<ObjectState>& vehicles, const VehicleParts& parts,
           double range_at_10_percent_m = 100, bool by_power = true) {
   SceneConfig scene = empty_road();
@@ -231,7 +234,7 @@ Seen seen(const std::vector<ObjectState>& vehicles, const VehicleParts& parts,
   return out;
 }
 
-/// A car with silver or white paint. The paint depends on the id.
+/// Returns a car with silver or white paint. The paint depends on the id.
 ObjectState car(int id, double x, double y = 0, double heading = kPi / 2) {
   return testing::car_on_road(id, x, y, heading);
 }
@@ -251,7 +254,8 @@ TEST(parts, gap_lets_rays_pass_on_to_the_road) {
   EXPECT_EQ(with.points.at(-1) - without.points.at(-1), lost);
 }
 
-/// A parked car 20 m beside the road and the sensor, on terrain 5 cm below the road.
+/// Returns a scene with a parked car, 20 m beside the road and the sensor, on terrain 5 cm below
+/// the road.
 SceneConfig car_on_terrain() {
   SceneConfig scene = empty_road();
   scene.detail = Detail::kLow;
@@ -269,7 +273,7 @@ SceneConfig car_on_terrain() {
   return scene;
 }
 
-/// A LiDAR that detects by power and has a repeating pattern.
+/// Returns a LiDAR that detects by power and has a repeating pattern.
 LidarConfig by_power() {
   PatternConfig pattern = spinning(161, -40, 0, 0.1);
   pattern.spinning->azimuth_step_deg.reset();
@@ -279,7 +283,7 @@ LidarConfig by_power() {
   return lidar;
 }
 
-/// Points by class below the only vehicle, which is parked.
+/// Returns the number of points, by class, on the ground below the only vehicle, which is parked.
 std::map<Class, int> below_parked(const World& world, const LidarConfig& lidar,
                                   const StaticLayers& layers) {
   FrameSimulator simulator(world, std::array{lidar}, layers);
@@ -388,7 +392,7 @@ TEST(parts, glass_in_the_blind_zone_does_not_hide_what_stands_behind_it) {
 }
 
 TEST(parts, reflectors_are_seen_where_paint_is_not) {
-  const std::vector cars{car(1, 60, 0, kPi)};  // its front is ahead
+  const std::vector cars{car(1, 60, 0, kPi)};  // its front faces the sensor
   const Seen dim = seen(cars, kNone, 15), bright = seen(cars, only(&VehicleParts::reflectors), 15);
   EXPECT_EQ(dim.points.count(1), 0U);
   EXPECT_GT(bright.points.at(1), 3);

@@ -39,7 +39,7 @@ class Mesh {
   Mesh& floor(double x0, double x1, double y0, double y1, double z) {
     return quad({Vec3{x0, y0, z}, {x1, y0, z}, {x1, y1, z}, {x0, y1, z}});
   }
-  /// Four walls without a roof or a floor.
+  /// Adds four walls without a roof or a floor.
   Mesh& walls(double x0, double x1, double y0, double y1, double low, double high) {
     const std::array<Vec2, 5> around{Vec2{x0, y0}, {x1, y0}, {x1, y1}, {x0, y1}, {x0, y0}};
     for (std::size_t i = 0; i < 4; ++i) {
@@ -62,7 +62,7 @@ class Mesh {
 };
 
 Mesh road(double scale = 1) { return Mesh(scale).floor(-150, 150, -4, 4, 0); }
-/// A house of 20 x 15 m beside the road, 10 m high, without a floor.
+/// Returns a house of 20 x 15 m beside the road, 10 m high, without a floor.
 Mesh house() { return Mesh().walls(-10, 10, 10, 25, 0, 10).floor(-10, 10, 10, 25, 10); }
 
 /// An imported site: two lanes along x, a road, a house, and recorded vehicles.
@@ -106,7 +106,7 @@ ObjectState raised(ObjectState state, double metres) {
   return state;
 }
 
-/// A car whose box is turned, but whose motion is not.
+/// Returns the rows of a car with its box turned by `angle`, but with its motion unchanged.
 std::vector<std::vector<ObjectState>> turned(const std::vector<std::vector<ObjectState>>& rows,
                                              double angle) {
   auto out = rows;

@@ -9,7 +9,7 @@
 namespace infrasim::cli {
 
 /// Parses a frame range A:B or A:B:STEP, which excludes frame B. B is at most `frames`.
-/// @param reason why there are no more frames, for the message
+/// @param reason why B can't be larger than `frames`, for the message
 /// @throws ConfigError if the text is not such a range
 FrameRange parse_frames(const std::string& text, int frames, const std::string& reason = "");
 

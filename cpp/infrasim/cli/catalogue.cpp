@@ -28,7 +28,7 @@ fs::path catalogue() {
   return {};
 }
 
-/// Names in one folder of the catalogue, sorted.
+/// Returns the sorted names in one folder of the catalogue.
 std::vector<std::string> names(const fs::path& folder) {
   std::vector<std::string> names;
   std::error_code error;

@@ -18,7 +18,7 @@ namespace infrasim::cli {
 
 namespace {
 
-// Moves the first numbers of an option to a filter's parameter.
+// Sets a parameter of a filter to the first numbers of an option, and removes them from `numbers`.
 void take(std::span<const double>& numbers, double& value) {
   value = numbers.front();
   numbers = numbers.subspan(1);
@@ -39,7 +39,8 @@ void take(std::span<const double>& numbers, std::vector<Vec2>& outline) {
   }
 }
 
-/// Makes a filter from numbers, which set its first parameters in order.
+/// Makes a filter. The numbers set the filter's parameters in the order of their declarations. A
+/// parameter without a number keeps its default.
 template <class Filter>
 FilterStep filter_of(std::span<const double> numbers) {
   Filter filter;

@@ -46,7 +46,8 @@ struct CheckOptions {
 /// maximum relative error of the detection law at a published range
 constexpr double kMostOff = 0.2;
 
-/// Compares the detection law with the published ranges. Returns one line per distinct unit.
+/// Returns one line of text per distinct unit: the largest error of the unit's detection law at the
+/// published ranges.
 /// @throws ConfigError if the error of a range exceeds kMostOff
 std::set<std::string> law_errors(const std::filesystem::path& file, const LidarConfig& lidar) {
   std::set<std::string> lines;
@@ -69,6 +70,7 @@ std::set<std::string> law_errors(const std::filesystem::path& file, const LidarC
 }
 
 /// Reads the LiDAR under a preset, or under all presets if none is given, and traces every ray.
+/// Returns the LiDAR under the given preset, or under `datasheet`.
 LidarConfig checked_lidar(const std::filesystem::path& file,
                           const std::optional<std::string>& preset, const LidarChanges& changes) {
   const auto checked = [&](const std::string& name, bool printed) {

@@ -41,7 +41,7 @@ void check_command(const CLI::App& app, int argc, char** argv) {
 }
 
 /// Refuses an option with values that is given twice, unless it takes any number of values. CLI11
-/// would add the values of the second one to those of the first.
+/// would add the values of the second occurrence to those of the first.
 void check_repeats(const CLI::App& app, int argc, char** argv) {
   if (argc < 2) return;
   const auto commands =

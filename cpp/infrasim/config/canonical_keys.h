@@ -20,7 +20,7 @@ struct RenamedKey {
   std::string_view canonical;
 };
 
-/// A key that was added after version 0.3. A key with its default value is not part of the
+/// A key that was added after version 0.3. While it has its default value, it is not part of the
 /// identity.
 struct LaterKey {
   std::string_view path;      ///< end of the key's dotted path, as in RenamedKey

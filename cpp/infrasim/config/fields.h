@@ -69,8 +69,8 @@ concept Struct = std::is_class_v<T> && !Map<T> && !std::is_same_v<T, std::string
 class FieldReader {
  public:
   FieldReader(const Tree& map, std::string path) : map_(map), path_(std::move(path)) {}
-  /// @throws ConfigError if the tree is not a map or has an unknown key; otherwise, for the first
-  ///   check that failed
+  /// @throws ConfigError if the tree is not a map, has an unknown key, or failed a check; the
+  ///   message names the first check that failed
   void finish() const;
 
   template <class T>
@@ -154,8 +154,8 @@ class FieldReader {
 class FieldWriter {
  public:
   FieldWriter() = default;
-  /// Writes the canonical names of keys (those of version 0.3), and omits keys that were added
-  /// later and have their default value.
+  /// Makes a writer that writes the canonical names of keys (those of version 0.3), and omits keys
+  /// that were added later and have their default value.
   explicit FieldWriter(const CanonicalKeys& canonical) : canonical_(canonical) {}
 
   template <class T>

@@ -6,8 +6,8 @@
 
 namespace infrasim {
 
-/// Returns the LiDAR with another number of frames per second. The firing cycle of a spinning unit
-/// does not change, so the number of columns per turn changes.
+/// Returns the LiDAR with `rate_hz` frames per second. The firing cycle of a spinning unit does not
+/// change, so the number of columns per turn changes.
 /// @throws ConfigError if the rate is out of range, or if its ratio to the previous rate is not a
 ///   short fraction
 LidarConfig with_rate(LidarConfig lidar, double rate_hz);

@@ -26,7 +26,8 @@ void visit(Fields& f, PriceConfig& c) {
 
 namespace {
 
-/// One entry of a bundle: the file of another LiDAR, or a whole unit, as in the text of dump_lidar.
+/// One entry of a bundle: either the file of another LiDAR, or all keys of a unit, as in the text
+/// of dump_lidar.
 struct BundleEntry {
   std::optional<std::string> lidar;
   double yaw_deg = 0;
@@ -66,7 +67,8 @@ void visit(Fields& f, BundleEntry& c) {
 }
 
 /// Returns whether the keys form a valid bundle. A bundle of files must not have a price, because
-/// its price is the sum of the files' prices. A bundle of whole units must have a price.
+/// its price is the sum of the files' prices. A bundle that has all keys of its units must have a
+/// price.
 bool is_bundle(const LidarFile& c) {
   const auto files =
       std::ranges::count_if(c.bundle, [](const BundleEntry& e) { return e.lidar.has_value(); });
@@ -127,7 +129,7 @@ void resolve_channels(const std::filesystem::path& folder, ChannelsConfig& c) {
 }
 
 /// Sets the rays per second of a table of directions, if the file does not give them. A table with
-/// times then repeats one mean time step after its last row.
+/// times then starts again one mean time step after its last row.
 void resolve_rate(const std::filesystem::path& file, TableConfig& c) {
   const auto rows = static_cast<double>(c.directions.size());
   const double last_s = c.times_s.empty() ? 0 : c.times_s.back();

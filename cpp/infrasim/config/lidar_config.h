@@ -123,14 +123,15 @@ struct PatternConfig {
   std::optional<TableConfig> table;
 };
 
-/// Random loss of points, by the model and with the names of the simulator CARLA.
+/// Random loss of points. The model and the names of its parameters are those of the simulator
+/// CARLA.
 struct DropOffConfig {
   double general_rate = 0.45;
   double intensity_limit = 0.8;
   double zero_intensity_rate = 0.4;
 };
 
-/// A range that a vendor publishes for a target of some reflectance in some light.
+/// A range that a vendor publishes for a target with a given reflectance in given sunlight.
 struct PublishedRange {
   double range_m = 0;
   double reflectance = 0.1;
@@ -156,8 +157,8 @@ struct DetectionConfig {
 std::vector<PublishedRange> published_ranges(const DetectionConfig& detection);
 std::string range_text(const PublishedRange& r);
 
-/// Where a beam is cast as several sub-rays: near moving objects, or everywhere. Any other beam is
-/// cast as one ray.
+/// Where a beam is cast as several sub-rays: only near moving objects, or in the whole scene. Any
+/// other beam is cast as one ray.
 enum class BeamWhere { kMoving, kEverywhere };
 std::span<const char* const> enum_names(BeamWhere);
 
@@ -176,7 +177,8 @@ std::span<const char* const> enum_names(EchoMode);
 /// How a LiDAR that detects by received power selects from the echoes of a ray.
 struct EchoesConfig {
   EchoMode mode = EchoMode::kStrongest;
-  /// minimum distance between two echoes, the length of a pulse of 3 ns; nearer echoes merge
+  /// minimum distance between two echoes; closer echoes merge; the default is the length of a pulse
+  /// of 3 ns
   double separation_m = 0.5;
   /// modes that the sensor offers; if empty, the sensor offers all modes
   std::vector<EchoMode> offered;
@@ -229,7 +231,7 @@ double period_s(const LidarConfig& lidar);
 /// @throws ConfigError if the periods differ
 double period_s(std::span<const LidarConfig> lidars);
 
-/// Reads one preset of a LiDAR file. Paths in the file are relative to the file.
+/// Reads a LiDAR file under one of its presets. Paths in the file are relative to the file.
 /// @throws ConfigError, IoError
 LidarConfig read_lidar(const std::filesystem::path& file, const std::string& preset);
 

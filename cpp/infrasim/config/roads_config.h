@@ -39,7 +39,7 @@ struct LanesConfig {
 
 inline bool is_one_way(const LanesConfig& lanes) { return lanes.one_way.value_or(false); }
 
-/// Distance from the centreline to the outer edge of the lanes.
+/// Returns the distance from the centreline to the outer edge of the lanes.
 inline double lanes_half_width(const LanesConfig& lanes) {
   const double one_side = lanes.each_way * lanes.width_m;
   return is_one_way(lanes) ? one_side / 2 : lanes.median_m / 2 + one_side;

@@ -45,8 +45,8 @@ std::optional<Tree> take(Tree& map, std::string_view key);
 /// Returns the start "file:line:col: key: " of a message.
 std::string start_of(const KeyPlace& at);
 
-/// Calls a function that reads the file of a key. If the file can't be read, the error names the
-/// key and its position too.
+/// Calls a function that reads the file that a key names. If the file can't be read, the error
+/// names the key and its position too.
 template <class Read>
 auto read_named(const KeyPlace& at, const Read& read) {
   try {

@@ -28,7 +28,8 @@ struct WorldSlice {
   double middle() const { return (from + to) / 2; }
 };
 
-/// Returns one slice with moving objects for `exact`, otherwise n slices with frozen objects.
+/// Returns one slice with moving objects for `exact`, otherwise `aggregation.slices` slices with
+/// frozen objects.
 std::vector<WorldSlice> world_slices(const Aggregation& aggregation);
 
 }  // namespace infrasim

@@ -9,7 +9,8 @@ namespace infrasim {
 
 namespace {
 
-/// Number of bytes of the printable character at the start of the text; 0 if there is none.
+/// Returns the number of bytes of the printable character at the start of the text; 0 if there is
+/// none.
 std::size_t character(std::string_view text) {
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   if (byte(0) < 0x80) return byte(0) >= 32 && byte(0) != 127 ? 1 : 0;

@@ -7,7 +7,8 @@
 
 namespace infrasim {
 
-/// Position of the text's first control character or byte that is not UTF-8; npos if there is none.
+/// Returns the position of the first control character, or of the first byte that is not UTF-8, at
+/// or after `from`; npos if there is none.
 std::size_t find_unprintable(std::string_view text, std::size_t from = 0);
 
 /// Returns the text as one line that is safe to print in a terminal. Control characters and bytes

@@ -10,7 +10,7 @@
 
 namespace infrasim {
 
-/// Whether a path contains a zero byte, at which system calls would cut it off.
+/// Returns whether a path contains a zero byte. System calls would cut off the path at this byte.
 inline bool has_zero(const std::filesystem::path& file) {
   return file.native().find('\0') != std::string::npos;
 }
@@ -18,8 +18,8 @@ inline bool has_zero(const std::filesystem::path& file) {
 /// maximum size, in bytes, of a file that is read into memory
 inline constexpr std::uintmax_t kMostBytes = std::uintmax_t{4} << 30;
 
-/// Refuses FIFOs, devices and sockets. A read of them may never end, and a rename would replace
-/// them. A file that does not exist is accepted.
+/// Refuses FIFOs, devices and sockets. A read from one of them may never end, and a rename would
+/// replace it. A file that does not exist is accepted.
 /// @throws ConfigError if the path leads to a FIFO, a device or a socket
 void expect_regular(const std::filesystem::path& file);
 
@@ -39,8 +39,9 @@ inline constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
 std::string unix_text(std::string text);
 
 /// Returns the paths of the entries of a folder. If an error occurs, the function sets `error` and
-/// returns the entries before it. A range-based loop over a std::filesystem::directory_iterator
-/// would throw a filesystem_error, which is not an error of this program.
+/// returns the entries that were listed before the error. A range-based loop over a
+/// std::filesystem::directory_iterator would throw a filesystem_error, which is not an error of
+/// this program.
 std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folder,
                                               std::error_code& error);
 
@@ -48,7 +49,8 @@ std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folde
 /// start, so that the command's output does not replace an input.
 void record_read_files();
 
-/// Whether the path leads to a file that was opened to read since record_read_files().
+/// Returns whether the path leads to a file that was opened to read after the call of
+/// record_read_files().
 bool was_read(const std::filesystem::path& file);
 
 }  // namespace infrasim

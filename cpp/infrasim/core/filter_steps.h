@@ -31,8 +31,9 @@ struct CropRange {
 };
 
 /// Keeps points within an interval of azimuth and an interval of elevation. The azimuth is 0 along
-/// +x and increases towards +y. The interval goes from min in this direction to max. If min > max,
-/// the interval contains 180 degrees.
+/// +x and increases towards +y. The azimuth interval goes from azimuth_min_deg, in the direction of
+/// increasing azimuth, to azimuth_max_deg. If azimuth_min_deg > azimuth_max_deg, the interval
+/// contains 180 degrees.
 struct CropFieldOfView {
   double azimuth_min_deg = -180;
   double azimuth_max_deg = 180;
@@ -86,7 +87,8 @@ struct GroundMorphological {
   double max_range_m = 300;  ///< maximum range of removed points, at most 2000 times cell_m
 };
 
-/// Parameters for learning a background. A cell should be about as large as the step between beams.
+/// Parameters for learning a background. A cell should be about as large as the angle between two
+/// neighbouring beams.
 struct BackgroundLearning {
   double azimuth_cell_deg = 0.2;
   double elevation_cell_deg = 0.2;

@@ -8,7 +8,7 @@ namespace infrasim {
 
 namespace {
 
-/// True if all of `b` lies on the outer side of a line along an edge of `a`.
+/// Returns whether `b` lies completely on the outer side of a line along an edge of `a`.
 bool separated_by_edge(std::span<const Vec2> a, std::span<const Vec2> b) {
   for (std::size_t i = 0; i < a.size(); ++i) {
     const Vec2 from = a[i], edge = a[(i + 1) % a.size()] - from;

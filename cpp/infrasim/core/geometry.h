@@ -31,7 +31,7 @@ inline Vec2 operator*(double s, Vec2 a) { return {s * a.x, s * a.y}; }
 inline double dot(Vec2 a, Vec2 b) { return a.x * b.x + a.y * b.y; }
 inline double cross(Vec2 a, Vec2 b) { return a.x * b.y - a.y * b.x; }
 inline double norm(Vec2 a) { return math::hypot(a.x, a.y); }
-/// Unit vector in the direction of a heading.
+/// Returns the unit vector in the direction of a heading.
 inline Vec2 heading_vector(double heading) { return {math::cos(heading), math::sin(heading)}; }
 
 struct Vec3 {
@@ -63,8 +63,8 @@ inline Mat3 operator*(const Mat3& a, const Mat3& b) {
   return c;
 }
 
-/// Rotation by yaw about z, then pitch about the new y, then roll about the new x (radians). The y
-/// axis points left, so by the right-hand rule a positive pitch looks down.
+/// Returns the rotation by yaw about z, then pitch about the new y, then roll about the new x
+/// (radians). The y axis points left, so by the right-hand rule a positive pitch looks down.
 inline Mat3 rotation(double yaw, double pitch, double roll) {
   const double cy = math::cos(yaw), sy = math::sin(yaw);
   const double cp = math::cos(pitch), sp = math::sin(pitch);
@@ -84,7 +84,7 @@ struct Box3d {
   bool operator==(const Box3d&) const = default;
 };
 
-/// The smallest box without pitch and with the same heading that contains `box`.
+/// Returns the smallest box without pitch and with the same heading that contains `box`.
 Box3d levelled(const Box3d& box);
 
 /// A box prepared for tests of many points.
@@ -99,12 +99,13 @@ class BoxFrame {
     box_ = box;
   }
 
-  /// Transform a point from the frame in which the box is given to the box's own frame, and back.
+  /// Transforms a point from the frame in which the box is given to the box's own frame (to_box),
+  /// or back (from_box).
   Vec3 to_box(Vec3 p) const;
   Vec3 from_box(Vec3 local) const;
-  /// Whether the box contains a point; `margin` enlarges the box on all sides.
+  /// Returns whether the box contains a point; `margin` enlarges the box on all sides.
   bool contains(Vec3 p, double margin) const;
-  /// The point of the box nearest to p.
+  /// Returns the point of the box that is nearest to p.
   Vec3 nearest(Vec3 p) const;
 
  private:
@@ -114,21 +115,21 @@ class BoxFrame {
   double cos_pitch_, sin_pitch_;
 };
 
-/// Corners of a box's footprint, counter-clockwise from the front right corner.
+/// Returns the corners of a box's footprint, counter-clockwise from the front right corner.
 std::array<Vec2, 4> footprint(const Box3d& box);
 
-/// Area of an outline whose first corner is not repeated at its end; positive if the corners are in
-/// counter-clockwise order.
+/// Returns the area of an outline whose first corner is not repeated at its end; positive if the
+/// corners are in counter-clockwise order.
 double signed_area(std::span<const Vec2> outline);
 
-/// True if two convex counter-clockwise outlines overlap (touching does not count).
+/// Returns whether two convex counter-clockwise outlines overlap (touching does not count).
 bool footprints_overlap(std::span<const Vec2> a, std::span<const Vec2> b);
 
-/// True if the point lies inside the convex counter-clockwise outline or on its edge.
+/// Returns whether the point lies inside the convex counter-clockwise outline or on its edge.
 bool covers(std::span<const Vec2> outline, Vec2 point);
 
-/// True if the point lies inside the outline, convex or not: a ray from the point towards +x
-/// crosses an odd number of edges.
+/// Returns whether the point lies inside the outline, convex or not. It does if a ray from the
+/// point towards +x crosses an odd number of edges.
 bool encloses(std::span<const Vec2> outline, Vec2 point);
 
 }  // namespace infrasim

@@ -8,7 +8,8 @@ namespace infrasim {
 
 namespace {
 
-/// Edit distance of two words: the number of letters to change, insert or remove.
+/// Returns the edit distance of two words: the minimum number of letters to change, insert or
+/// remove.
 std::size_t edits(std::string_view a, std::string_view b) {
   std::vector<std::size_t> row(b.size() + 1);
   std::iota(row.begin(), row.end(), 0U);

@@ -43,8 +43,8 @@ inline void exp_all(std::span<double> values) {
   for (; i < values.size(); ++i) values[i] = exp(values[i]);
 }
 
-/// Length of a vector, without protection from overflow and underflow of the squares. Lengths in
-/// metres need no protection.
+/// Returns the length of a vector, without protection from overflow and underflow of the squares.
+/// Lengths in metres need no protection.
 inline double hypot(double x, double y) { return std::sqrt(x * x + y * y); }
 inline float hypot(float x, float y) { return std::sqrt(x * x + y * y); }
 

@@ -6,8 +6,8 @@
 
 namespace infrasim {
 
-/// Quantile of the standard normal distribution for probability p, 0 < p < 1, accurate to 1e-7
-/// (Wichura 1988, algorithm AS 241, PPND7).
+/// Returns the quantile of the standard normal distribution for probability p, 0 < p < 1, accurate
+/// to 1e-7 (Wichura 1988, algorithm AS 241, PPND7).
 inline double normal_quantile(double p) {
   const double q = p - 0.5;
   if (std::abs(q) <= 0.425) {

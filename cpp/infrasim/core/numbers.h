@@ -10,8 +10,8 @@
 
 namespace infrasim {
 
-/// Parses the whole text as a number, independent of the locale. Returns no value for blanks, a
-/// plus sign or overflow.
+/// Parses the whole text as a number, independent of the locale. Returns no value if the text
+/// contains a blank or a plus sign, or if the number overflows.
 template <class T>
 std::optional<T> parse_number(std::string_view text) {
   T value{};

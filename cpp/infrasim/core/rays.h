@@ -10,8 +10,8 @@ namespace infrasim {
 
 /// Rays from the origin of the levelled frame. Each attribute is a column.
 struct RayBatch {
-  /// index of each ray in the range of a scan pattern's rays from which the batch was made, in
-  /// ascending order; empty if the rays are not from a scan pattern
+  /// index of each ray among the rays of a scan pattern from which the batch was made, in ascending
+  /// order; empty if the rays are not from a scan pattern
   std::vector<std::uint32_t> number;
   std::vector<float> dx, dy, dz;  ///< unit direction, levelled frame
   std::vector<float> time;        ///< seconds since the start of the frame

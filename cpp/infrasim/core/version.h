@@ -4,7 +4,7 @@
 
 namespace infrasim {
 
-/// Version of the package, equal to that in `pyproject.toml`.
+/// Returns the version of the package, the same as in `pyproject.toml`.
 std::string_view version();
 
 /// Version number of the frames. Two versions of the simulator with the same number write the same

@@ -16,10 +16,10 @@ namespace {
 /// quantile of the ranges. It is found even if vehicles hide it in most frames, as in a queue at a
 /// red light, and it does not depend on stray echoes.
 constexpr double kFarShare = 0.1;
-/// A cell has a background under two conditions. At least kAgreeingShare of its returns agree on
-/// it, and the cell has at least kSeenShare of the returns of the cells below it. Neither condition
-/// holds in a cell whose beams only meet passing vehicles, with sky or ground out of range behind
-/// them.
+/// A cell has a background under two conditions. At least kAgreeingShare of its returns agree with
+/// the background, and the cell has at least kSeenShare of the mean number of returns of the cells
+/// below it. Neither condition holds in a cell whose beams only meet passing vehicles, with sky or
+/// ground out of range behind them.
 constexpr double kAgreeingShare = 0.2;
 constexpr double kSeenShare = 0.5;
 
@@ -80,7 +80,7 @@ CellSamples sort_by_cell(std::span<const std::vector<float>> frames, const Backg
 }
 
 /// Returns the number of returns that a cell would have if all its rays had a return. It is the
-/// mean over the seen cells up to 5 degrees below the cell, where the rays hit the ground.
+/// mean over the cells with returns up to 5 degrees below the cell, where the rays hit the ground.
 double expected_count(const BackgroundModel& model, const CellSamples& cells, int cell) {
   const int rows = std::max(1, 5 * model.elevation_cells / 180);
   std::size_t seen = 0, returns = 0;
@@ -138,7 +138,8 @@ void add_margins(BackgroundModel& model, const BackgroundLearning& learning) {
   model.range_m = std::move(bound);
 }
 
-/// Gives unseen cells the farthest and lowest bounds of their eight neighbours.
+/// Gives each cell without a background the farthest range and the lowest height of its eight
+/// neighbours.
 void fill_unseen(BackgroundModel& model) {
   const std::vector<float> range = model.range_m, height = model.height_m;
   for (int c = 0; c < static_cast<int>(range.size()); ++c) {

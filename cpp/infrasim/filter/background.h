@@ -42,14 +42,15 @@ BackgroundModel learn_background(std::span<const std::vector<float>> frames_xyz,
 /// @return indices of the points to keep, in increasing order; only returns are kept
 std::vector<int> keep(std::span<const float> xyz, const BackgroundModel& model);
 
-/// A model as bytes: the text line "infrasim-background 1"; int32 azimuth cells, elevation cells,
-/// first stored elevation row and number of stored rows; range_m and height_m of these rows as
-/// float32. Little-endian. Rows that are not stored have no background.
+/// Returns a model as bytes: the text line "infrasim-background 1"; int32 azimuth cells, elevation
+/// cells, first stored elevation row and number of stored rows; range_m and height_m of these rows
+/// as float32. Little-endian. Rows that are not stored have no background.
 std::string background_to_bytes(const BackgroundModel& model);
 
-/// True if the bytes begin like a background model.
+/// Returns whether the bytes begin like a background model.
 bool is_background(std::string_view bytes);
 
+/// Returns the model in the bytes that background_to_bytes made.
 /// @param name  path of the file, for messages
 /// @throws ConfigError if the bytes are not a complete and plausible model
 BackgroundModel background_from_bytes(std::string_view bytes, const std::string& name);

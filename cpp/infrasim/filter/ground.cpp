@@ -26,7 +26,7 @@ constexpr int kMostPlanes = 8;
 constexpr double kHeightTolerance_m = 0.5;
 /// A plane within kClose_m of the expected height is the ground, even if another plane within
 /// kHeightTolerance_m has more points. The ground must have at least 1 / kFewer of the points of
-/// that plane.
+/// the other plane.
 constexpr double kClose_m = 0.15;
 constexpr std::size_t kFewer = 10;
 

@@ -61,8 +61,9 @@ struct GroundGrids {
 /// Fills the gaps of a ray. A gap is filled linearly between its two returns, with one exception.
 /// If the height falls nearly as steeply as the line of sight, the nearer return may hide lower
 /// ground. In that case the gap has the height of its near end over the length of the previous gap,
-/// and then the height of its far end. Behind the last return, the height is the lowest height of a
-/// road that passes through the earlier returns.
+/// and then the height of its far end. Behind the last return, the height is constant: the minimum,
+/// over all returns, of the return's height plus kRoadSlope times its distance from the last
+/// return.
 void fill_ray(std::span<float> ray, double cell_m) {
   constexpr double kShortGap_m = 2, kShadowShare = 0.8, kRoadSlope = 0.06;
   const int n = static_cast<int>(ray.size());

@@ -19,13 +19,13 @@ inline Vec3 point_at(std::span<const float> xyz, std::size_t i) {
   return {xyz[3 * i], xyz[3 * i + 1], xyz[3 * i + 2]};
 }
 
-/// Whether a point is a return. Drivers write 0 0 0 or NaN for a ray without a return.
+/// Returns whether a point is a return. Drivers write 0 0 0 or NaN for a ray without a return.
 inline bool is_return(Vec3 p) {
   return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z) &&
          (p.x != 0 || p.y != 0 || p.z != 0);
 }
 
-/// Indices of the returns for which `wanted(Vec3)` holds, in increasing order.
+/// Returns the indices of the returns for which `wanted(Vec3)` holds, in increasing order.
 template <class Predicate>
 std::vector<int> keep_if(std::span<const float> xyz, Predicate wanted) {
   std::vector<int> kept;

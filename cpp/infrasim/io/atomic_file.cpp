@@ -38,7 +38,7 @@ std::filesystem::path hidden_file(const std::filesystem::path& file) {
                                std::to_string(count++) + std::string(kEnding));
 }
 
-/// The file to which a path leads through symbolic links. The target need not exist.
+/// Returns the file to which a path leads through symbolic links. The target need not exist.
 /// @throws ConfigError if the links form a loop
 std::filesystem::path link_target(const std::filesystem::path& path) {
   constexpr int kMostLinks = 40;  // maximum number of links in a chain, as in the Linux kernel

@@ -44,8 +44,8 @@ struct Viewpoint {
   Vec3 axis;  ///< x y z of the quaternion
 
   bool is_identity() const;
-  /// Whether the shift is 10 km or more along an axis, which is typical of map coordinates. apply()
-  /// ignores such a shift.
+  /// Returns whether the shift is 10 km or more along an axis, which is typical of map coordinates.
+  /// apply() ignores such a shift.
   bool is_far() const;
   Vec3 apply(Vec3 stored) const;
 };

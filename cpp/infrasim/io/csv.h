@@ -21,19 +21,19 @@ class CsvReader {
   CsvReader(const CsvReader&) = delete;
   CsvReader& operator=(const CsvReader&) = delete;
 
-  /// Whether the file has any optional column.
+  /// Returns whether the file has any optional column.
   bool has_last() const { return !extra_.empty(); }
-  /// Whether the file has this optional column.
+  /// Returns whether the file has the optional column `column`.
   bool has(std::string_view column) const;
   /// Goes to the first or next row; returns false if there is none.
   /// @throws ConfigError if the row has fewer or more cells than the header
   bool next_row();
   /// Returns the next cell of the row.
   std::string_view cell();
-  /// The row's next cell as a number; messages use `key` as its name.
+  /// Returns the row's next cell as a number; messages use `key` as its name.
   /// @throws ConfigError if the cell is not a number in [low, high]
   double number(std::string_view key, double low, double high);
-  /// Like number(), but a blank cell gives `blank`.
+  /// Like number(), but returns `blank` for a blank cell.
   double number_or(double blank, std::string_view key, double low, double high);
 
   /// Throws an error about the cell that was read last.

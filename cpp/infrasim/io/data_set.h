@@ -24,8 +24,8 @@ class FolderLock {
   int descriptor_;
 };
 
-/// Returns the identity of the frames (the content that determines them) from the text of a file.
-/// `file` is the name of the file for messages.
+/// Function that returns the identity of a folder's frames: the part of a file's text that
+/// determines the frames. `file` is the name of the file for messages.
 /// @throws ConfigError if the text can't be read
 using Identity = std::function<std::string(const std::string& text, const std::string& file)>;
 

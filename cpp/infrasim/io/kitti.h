@@ -30,7 +30,7 @@ std::string calib_text();
 /// column is `pitch`.
 std::string objects_csv(const std::vector<ObjectRecord>& objects, bool pitched = false);
 
-/// Returns float32 x y z intensity of each point, little-endian.
+/// Returns x y z intensity of each point as float32, little-endian.
 std::string velodyne_bytes(const PointCloud& cloud);
 
 /// Returns float32 time_s, uint16 ring, uint8 class, uint8 echo, int32 object_id of each point,
@@ -55,7 +55,7 @@ FrameCounts count(const Frame& frame);
 /// @throws IoError if a file is missing or malformed
 FrameCounts read_counts(const std::filesystem::path& lidar_folder, int frame);
 
-/// Numbers of the frames in a LiDAR's folder, ascending.
+/// Returns the numbers of the frames in a LiDAR's folder, ascending.
 /// @throws IoError if the folder does not exist
 std::vector<int> frames_on_disk(const std::filesystem::path& lidar_folder);
 
@@ -65,6 +65,7 @@ struct RecordedPoints {
   std::vector<float> intensity;
   std::vector<std::uint16_t> ring;
 };
+/// Returns the points of a frame on disk.
 /// @throws IoError if a file can't be read, ConfigError if one is malformed
 RecordedPoints read_points(const std::filesystem::path& lidar_folder, int frame);
 
@@ -81,7 +82,7 @@ void write_point_mounts(const std::filesystem::path& lidar_folder, int frame,
                         std::span<const std::uint16_t> mounts);
 
 /// Writes one frame below `training/`. Each file is written under a temporary name and then
-/// renamed. The file in `velodyne/` is the last one, so a frame is complete if and only if this
+/// renamed. The file in `velodyne/` is written last, so a frame is complete if and only if this
 /// file exists.
 /// @throws IoError
 void write_frame(const std::filesystem::path& lidar_folder, int frame, const Frame& data,

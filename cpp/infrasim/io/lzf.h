@@ -7,10 +7,10 @@
 
 namespace infrasim {
 
-/// LZF, the compression in `binary_compressed` PCD files. The data has two kinds of items. A run of
-/// literal bytes begins with a control byte below 32, which is the length - 1. A back reference has
-/// 3 bits for the length - 2 and 13 bits for the distance - 1. If the 3 bits are 7, one more byte
-/// of the length follows.
+/// Compresses bytes with LZF, the compression in `binary_compressed` PCD files. The compressed data
+/// has two kinds of items. A run of literal bytes begins with a control byte below 32, which is the
+/// length - 1. A back reference has 3 bits for the length - 2 and 13 bits for the distance - 1. If
+/// the 3 bits are 7, one more byte of the length follows.
 std::string lzf_compress(std::string_view bytes);
 
 /// @param size  expected number of decompressed bytes

@@ -24,8 +24,9 @@ inline constexpr double kFarthestVertex_m = 1e6;
 /// list `vertex_indices` (or `vertex_index`) of `face`. Polygons become fans of triangles. Other
 /// elements and properties are skipped.
 /// @throws IoError if the file can't be read
-/// @throws ConfigError, with line or byte, for a file that is not .ply or is truncated, a
-///   coordinate that is not a number within bounds, or the index of a vertex that does not exist
+/// @throws ConfigError, with the line or byte of the error, for a file that is not .ply or is
+///   truncated, a coordinate that is not a number within bounds, or the index of a vertex that does
+///   not exist
 PlySurface read_ply(const std::filesystem::path& file);
 
 }  // namespace infrasim

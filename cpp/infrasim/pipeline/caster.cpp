@@ -105,7 +105,7 @@ void Caster::make_returned_rays(const Part& part) {
   static_.clear();
   auto dynamic = dynamic_.begin();
   for (const std::uint32_t echo : returns_.echo) {
-    if (echo >= rays_.size()) continue;  // a weaker echo, whose ray already has a direction
+    if (echo >= rays_.size()) continue;  // a weaker echo; its ray already has a direction
     while (dynamic != dynamic_.end() && *dynamic < echo) ++dynamic;
     if (dynamic == dynamic_.end() || *dynamic != echo) static_.push_back(echo);
   }
@@ -175,8 +175,8 @@ void Caster::select_for_bodies(const Part& part) {
   if (loses_rays(part)) leave_out_lost(part, selected_);
 }
 
-/// Copies the hits of the static layer to the rays. The stored gain becomes the cosine of
-/// incidence, although the gain of a recorded surface is an intensity.
+/// Copies the hits of the static layer to the hits of the rays. The stored gain becomes the cosine
+/// of incidence, although the gain of a recorded surface is an intensity.
 void Caster::take_static_hits(const Part& part) {
   const StaticSlice layer = part.scanner.layer->slice(part.first, part.last, rays_.number);
   hits_.resize(rays_.size());

@@ -40,7 +40,8 @@ class Caster {
 
   /// Adds the returns of the rays that the unit fires in one slice of frame k.
   /// @param vehicles the vehicles that are set in the raycaster
-  /// @return number of rays cast, which is smaller with a static layer and larger with wide beams
+  /// @return number of rays cast; a static layer makes the number smaller, and wide beams make it
+  ///   larger
   std::size_t cast(int k, const WorldSlice& slice, const FrameVehicles& vehicles,
                    ScannerUnit& scanner, FrameBuilder& out);
 

@@ -4,8 +4,8 @@
 #include <string>
 
 // Determines whether a folder contains the frames of a run. The files of the folder may come from
-// another version of the program, which has other key names and fewer or more values. Therefore the
-// identities of the files are compared, and not their texts.
+// another version of the program, whose files have other key names and fewer or more values.
+// Therefore the functions compare identities of the files and not their texts.
 
 namespace infrasim {
 
@@ -15,7 +15,7 @@ namespace infrasim {
 /// @throws ConfigError if the text is not a dataset.yaml
 std::string data_set_identity(const std::string& text, const std::string& file);
 
-/// Refuses a folder whose frames have another version number than kFramesVersion.
+/// Checks that the frames of a folder have the version number kFramesVersion.
 /// @param description the folder's dataset.yaml, which need not exist
 /// @throws IoError
 void check_frames_version(const std::filesystem::path& description);

@@ -18,7 +18,8 @@ struct Return {
   float dx, dy, dz;  ///< unit direction, levelled frame
   float range;       ///< range of the return, metres
   float hit_range;   ///< range of the hit without noise, metres
-  /// whether the beam is wider than a ray, so that the hit may lie beside the direction
+  /// whether the beam is wider than a ray, so that the hit may lie beside the line in this
+  /// direction
   bool wide;
   bool second;      ///< whether the previous return is from the same ray
   float intensity;  ///< intensity of the return, 0 to 1
@@ -28,7 +29,7 @@ struct Return {
   std::int32_t object;  ///< index of the object in the frame; -1 for background
 };
 
-/// Boxes of an object in the labels; levelled frame.
+/// The two boxes of an object in the labels, in the levelled frame.
 struct ObjectBoxes {
   Box3d frame;  ///< box at mid-frame
   Box3d scan;   ///< box at the mean time of the object's returns
@@ -41,8 +42,8 @@ struct PointCount {
   int points_in_scan_box = 0;
 };
 
-/// Number of points on an object, and their extents along the axes of its box, metres. Two points
-/// of one ray count once.
+/// Number of points on an object, and the extents of these points along the axes of the object's
+/// box, in metres. Two points of one ray count once.
 struct PointSpread {
   int points = 0;
   double along_m = 0;
@@ -54,8 +55,8 @@ struct PointSpread {
 class FrameBuilder {
  public:
   void start();
-  /// Sets the time of the object positions for the following returns, in seconds since the start of
-  /// the frame. Without a value, each return has the positions at its own firing time.
+  /// Sets the time of the object positions that all following returns use, in seconds since the
+  /// start of the frame. Without a value, each return uses the positions at its own firing time.
   void see_objects_at(std::optional<double> time_s) { frozen_s_ = time_s; }
   /// Reserves memory for `more` calls of `add`.
   void reserve(std::size_t more);
@@ -75,17 +76,18 @@ class FrameBuilder {
     ++size_;
   }
   std::size_t size() const { return size_; }
-  /// Returns the row-major points that have been added so far.
+  /// Returns the coordinates x y z of the points that have been added so far, row-major.
   std::span<const float> xyz() const { return {scratch_.xyz.data(), 3 * size_}; }
-  /// Keeps only the given rows, which must be in increasing order.
+  /// Keeps only the points with the given row numbers, which must be in increasing order.
   void keep(std::span<const int> rows);
   /// Returns all points with their attributes.
   PointCloud cloud() const;
 
-  /// Times of the returns of each object, in seconds since the start of the frame.
+  /// Returns the times of the returns of each object, in seconds since the start of the frame.
   std::vector<std::vector<double>> times_seen(std::size_t objects) const;
 
-  /// Box of an object at a time since the start of the frame; levelled frame.
+  /// A function that returns the box of an object in the levelled frame, at a time since the start
+  /// of the frame.
   using BoxAt = std::function<Box3d(std::size_t object, double time_s)>;
   /// Counts the points of each object, in total and inside its boxes. A point can lie outside a box
   /// because the object moves. Range noise has no effect on the counts, because the positions
@@ -107,8 +109,8 @@ class FrameBuilder {
     bool wide;
     Vec3 place;
 
-    /// Whether the previous hit is another echo of the same ray and object. Two such hits count
-    /// once.
+    /// Returns whether the previous hit is another echo of the same ray and object. Two such hits
+    /// count once.
     bool again_after(const Hit* before) const {
       return before != nullptr && before->ray == ray && before->object == object;
     }

@@ -17,8 +17,8 @@ const ObjectRecord* find_object(const Frame& frame, int id) {
   return entry != frame.objects.end() && entry->id == id ? &*entry : nullptr;
 }
 
-/// Returns whether a point and the point before it are two echoes of one ray from one object. Like
-/// in the frames of single mounts, two such points count once.
+/// Returns whether a point and the point before it are two echoes of one ray from one object. As in
+/// the frames of single mounts, two such points count once.
 bool again_after_previous(const FusedFrame& fused, std::size_t i) {
   const PointCloud& c = fused.frame.cloud;
   return i > 0 && c.echo[i] == 1 && c.object_id[i] == c.object_id[i - 1] &&
@@ -56,8 +56,9 @@ Fusion::Fusion(const SceneConfig& scene, std::span<const World> worlds, double p
   for (const MountConfig& mount : mounts_) transforms_.push_back(transform_of(mount));
 }
 
-/// Points are levelled with the true tilt of their mount. To show the effect of a wrong tilt, the
-/// transform removes the true tilt and then applies the assumed tilt.
+/// Returns the transform of a mount's points, which are levelled with the true tilt of the mount.
+/// To show the effect of a wrong tilt, the transform removes the true tilt and then applies the
+/// assumed tilt.
 Fusion::RigidTransform Fusion::transform_of(const MountConfig& mount) const {
   const MountConfig& first = mounts_.front();
   const CalibrationError e = mount.calibration_error.value_or(CalibrationError{});

@@ -35,7 +35,8 @@ class Fusion {
 
  private:
   struct RigidTransform {
-    Mat3 rotation_to_first;  ///< rotation from a mount's levelled frame to that of the first mount
+    /// rotation from a mount's levelled frame to the levelled frame of the first mount
+    Mat3 rotation_to_first;
     Vec3 origin_in_first;
     double late_s;  ///< delay of the mount's clock relative to the clock of the first mount
   };

@@ -17,8 +17,8 @@
 namespace infrasim {
 
 /// Measures what LiDARs see of the objects of one site from many poses. The site and the traffic
-/// are built once. Objects count if they are in the evaluation region of the scene's mount, so that
-/// all poses have the same objects. Thread-safe.
+/// are built once. An object counts if it is in the evaluation region of the scene's mount, so that
+/// the same objects count for all poses. Thread-safe.
 class Observer {
  public:
   /// @param mount  name of the mount whose region counts; may be empty if the scene has one mount
@@ -34,8 +34,8 @@ class Observer {
   std::string fault(const MountConfig& pose) const;
 
   /// Returns the objects that each LiDAR sees: one list per frame, with one list per LiDAR in it.
-  /// @throws ConfigError for a pose with a fault, a frame that can't be observed, or a LiDAR of
-  ///   another period
+  /// @throws ConfigError for a pose with a fault, a frame that can't be observed, or a LiDAR with
+  ///   another frame period
   std::vector<std::vector<std::vector<Observation>>> observe(const MountConfig& pose,
                                                              std::span<const LidarConfig> lidars,
                                                              std::span<const int> frames) const;

@@ -175,7 +175,7 @@ class FrameWork {
 
 constexpr int kFramesToSeeOne = 10;
 
-/// Warns of each LiDAR that has no point on a vehicle so far, if the scene has traffic.
+/// Warns of each LiDAR that has had no point on a vehicle so far, if the scene has traffic.
 void warn_of_no_vehicles(const SceneConfig& scene, const std::vector<SummaryRow>& rows,
                          const Warn& warn) {
   if (scene.traffic && scene.traffic->vehicles_per_km_lane == 0) return;

@@ -28,9 +28,9 @@ struct RunRequest {
   std::string preset;
   FrameRange frames;
   std::filesystem::path out;  ///< output folder; if empty, nothing is written
-  /// name of the only mount that is simulated; if empty, all mounts are simulated
+  /// name of the mount that is simulated; if empty, all mounts are simulated
   std::string mount;
-  bool fuse = false;  ///< whether to write the fused frames of all mounts too
+  bool fuse = false;  ///< whether to write the fused frames of all mounts as well
   int threads = 1;
   /// whether static surfaces are cast in every frame, without static layers; this does not change
   /// the frames
@@ -45,8 +45,8 @@ using Warn = std::function<void(const std::string&)>;
 
 /// Simulates the frames that are not on disk yet, several at a time. A scene with several mounts
 /// gets a folder per mount. Stops after the current frames when `stop` becomes non-zero. Warns of
-/// LiDARs that see no vehicle in the first 10 frames. Also warns of frame steps that
-/// select only a part of the different frames of a scan pattern.
+/// LiDARs that see no vehicle in the first 10 frames. Also warns of a frame step that selects only
+/// some of the frames in a period of a scan pattern.
 /// @return one row per LiDAR over all requested frames that exist afterwards; with several mounts
 ///   the rows are named MOUNT/LIDAR and fused/LIDAR
 /// @throws ConfigError if the request does not fit the scene

@@ -52,7 +52,8 @@ std::string view_text(const LidarUnit& unit, const FieldOfView& view,
 }
 
 /// Returns the lines of lidar.yaml with the preset and the price.
-/// @param sensors number of copies of the LiDAR, which multiplies its price
+/// @param sensors number of copies of the LiDAR; the total price is this number times the LiDAR's
+///   price
 std::string price_text(const LidarConfig& lidar, std::size_t sensors) {
   const auto n = [&](double v) { return config::number_text(v * static_cast<double>(sensors)); };
   return "preset: \"" + lidar.preset + "\"\nprice_total_usd: {low: " + n(lidar.price_usd.low) +
@@ -92,7 +93,7 @@ std::string lidar_text(const LidarConfig& lidar) {
 }
 
 /// Returns the line of a fused lidar.yaml with the names of the mounts.
-/// @param written function that returns a name as it is written
+/// @param written function that returns a name as it is written in the file
 std::string mounts_line(const NamedMap<MountConfig>& mounts,
                         const std::function<std::string(const std::string&)>& written) {
   std::vector<std::string> names;
@@ -102,7 +103,7 @@ std::string mounts_line(const NamedMap<MountConfig>& mounts,
 
 /// Returns the line of a fused lidar.yaml with a digest of the LiDAR's configuration.
 std::string digest_line(LidarConfig lidar) {
-  for (LidarUnit& unit : lidar.units)  // the configuration has digests of its firing tables
+  for (LidarUnit& unit : lidar.units)  // the configuration contains digests of the firing tables
     if (unit.pattern.table) unit.pattern.table->file.clear();
   return "lidar_digest: \"" + hex_text(hash_name(canonical_lidar(lidar))) + "\"\n";
 }
@@ -123,8 +124,9 @@ std::string fused_text(const RunRequest& request, const World& first, const Fusi
   return text + digest_line(lidar);
 }
 
-/// Returns the identity of a fused lidar.yaml. Earlier versions wrote no digest, and names of
-/// mounts without quotes. Such a file gets the lines of this run.
+/// Returns the identity of a fused lidar.yaml. Earlier versions wrote no digest, and wrote the
+/// names of mounts without quotes. The identity of such a file contains the lines that this run
+/// would write.
 Identity fused_identity(const RunRequest& request, const LidarConfig& lidar) {
   const auto& mounts = request.scene.mounts;
   const std::string before = mounts_line(mounts, [](const std::string& name) { return name; });
@@ -169,7 +171,8 @@ void check_same_period(const std::filesystem::path& folder, double period_s) {
   if (error) throw IoError(folder.string() + ": can't be read: " + error.message());
   for (const std::filesystem::path& entry : entries) {
     const auto file = entry / "lidar.yaml";
-    if (!std::filesystem::exists(file, ignored)) continue;  // also if the entry can't be read
+    // also skips an entry that can't be read
+    if (!std::filesystem::exists(file, ignored)) continue;
     config::Tree tree;
     try {
       tree = config::read_tree(file);

@@ -35,14 +35,14 @@ struct ScannerUnit {
     return pattern.repeats_after() > 0 && !(beam && beam->everywhere()) &&
            layer_bytes(pattern) <= kMostLayerBytes;
   }
-  /// Tangent of the angle between a ray and its outermost sub-rays.
+  /// Returns the tangent of the angle between a ray and its outermost sub-rays.
   float half_width() const { return beam ? beam->half_width() : 0; }
 
   /// Returns the rays that are fired between two instants of frame k, given as shares of the frame.
   RayRange rays(int k, double from = 0, double to = 1) const;
 };
 
-/// Rotation from a unit's frame to the levelled frame.
+/// Returns the rotation from a unit's frame to the levelled frame.
 Mat3 unit_pose(const SceneConfig& scene, const LidarUnit& unit);
 
 /// Makes all units of a LiDAR.

@@ -9,8 +9,8 @@
 
 namespace infrasim {
 
-/// Checks that each ground_plane without sensor_height_m can take the height of the mount above the
-/// road.
+/// Checks that each ground_plane filter without sensor_height_m can use the height of the mount
+/// above the road instead.
 /// @throws ConfigError
 void check_filters(const Site& site, const std::string& name, const MountConfig& mount);
 

@@ -94,7 +94,7 @@ class Scheduler {
     return std::pair{schedule_.frames[taken_++], std::move(result.mapped())};
   }
 
-  /// Number of threads that compute.
+  /// Returns the number of threads that compute frames.
   int threads() const { return std::max(1, static_cast<int>(threads_.size())); }
 
  private:

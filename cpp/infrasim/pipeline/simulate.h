@@ -48,7 +48,8 @@ class FrameSimulator {
  public:
   FrameSimulator(const World& world, std::span<const LidarConfig> lidars)
       : FrameSimulator(world, lidars, make_static_layers(world, lidars)) {}
-  /// @param layers static layers of these LiDARs in this world; the frames do not depend on them
+  /// @param layers static layers of these LiDARs in this world; they save time and do not change
+  ///   the frames
   FrameSimulator(const World& world, std::span<const LidarConfig> lidars,
                  const StaticLayers& layers)
       : FrameSimulator(world, lidars, layers, learn_filters(world, lidars, layers)) {}

@@ -23,7 +23,7 @@ class StageTimes {
     return work();
   }
 
-  /// Total CPU time of each stage, in seconds.
+  /// Returns the total CPU time of each stage, in seconds.
   const std::array<double, kStageNames.size()>& seconds() const { return seconds_; }
 
  private:

@@ -25,7 +25,7 @@ constexpr std::size_t kLeafBytes = 12, kMostLeafBytes = std::size_t{16} << 20;
 
 constexpr std::size_t kWordBits = 64;
 
-/// Number of groups in a block of neighbouring rays.
+/// Returns the number of ray groups in a block of neighbouring rays.
 std::int64_t block_groups(std::int64_t group_size) {
   return std::max(kLeastColumns, kTileRays / group_size);
 }

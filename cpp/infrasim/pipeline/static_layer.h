@@ -40,7 +40,8 @@ inline constexpr std::size_t kMostLayerBytes = std::size_t{256} << 20;
 /// Returns the maximum size of the static layer of a repeating scan pattern, in bytes.
 std::size_t layer_bytes(const ScanPattern& pattern);
 
-/// Returns a layer without hits, whose groups, group size, range and digest identify the pattern.
+/// Returns a layer in which no ray has a hit. Its groups, group size, maximum range and digest
+/// identify the pattern.
 /// @param pattern a repeating pattern
 StaticHits no_hits(const ScanPattern& pattern, float max_range_m);
 
@@ -51,7 +52,8 @@ StaticHits cast_static(const ScanPattern& pattern, float max_range_m, Raycaster&
 struct StaticSlice {
   std::span<const float> range_m, gain;  ///< hits of consecutive rays of the pattern
   std::span<const std::uint16_t> class_id;
-  std::span<const std::uint32_t> number;  ///< index of each ray of the batch in the other columns
+  /// for each ray of the batch, its index in the columns above
+  std::span<const std::uint32_t> number;
 
   bool empty() const { return range_m.empty(); }
 };
@@ -81,18 +83,19 @@ class StaticLayer {
                     std::span<const std::uint32_t> number) const;
 
   /// Sets `out` to the numbers of the rays of a run that can give a point of a static surface, in
-  /// ascending order. Rays that can give a point of leaves are added if the paths through leaves
-  /// are known.
+  /// ascending order. Rays that can give a point of leaves are added if the layer stores the paths
+  /// through leaves.
   void candidates(std::int64_t first_group, std::int64_t last_group,
                   std::vector<std::uint32_t>& out) const;
 
-  /// Whether the paths of rays through leaves are known. They are not if they need too much memory,
-  /// or if leaves do not affect the LiDAR.
+  /// Returns whether the layer stores the paths of rays through leaves. It does not if the paths
+  /// need too much memory, or if leaves do not affect the LiDAR.
   bool knows_leaves() const { return knows_leaves_; }
-  /// Paths of the rays of a run through leaves, by increasing number of the ray in the period.
+  /// Returns the paths of the rays of a run through leaves, by increasing number of the ray in the
+  /// period.
   std::span<const Volumes::RayWay> leaf_ways(std::int64_t first_group,
                                              std::int64_t last_group) const;
-  /// Number of the run's first ray in the period.
+  /// Returns the number, within the period, of the run's first ray.
   std::uint32_t first_ray(std::int64_t first_group) const {
     return static_cast<std::uint32_t>(first_group % hits_.groups * hits_.group_size);
   }
@@ -102,7 +105,7 @@ class StaticLayer {
   void select(std::int64_t first_group, std::int64_t last_group, const BodyIndex& bodies,
               std::vector<std::uint32_t>& selected) const;
 
-  /// Whether the hit of any ray is on a recorded surface.
+  /// Returns whether the hit of any ray is on a recorded surface.
   bool has_recorded() const { return has_recorded_; }
 
   std::size_t bytes() const;

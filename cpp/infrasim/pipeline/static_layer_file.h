@@ -33,7 +33,7 @@ struct StaticLayerFile {
   std::vector<StaticHits> units;
 };
 
-/// Returns hits as little-endian, packed bytes:
+/// Returns the content of a static layer file, as packed little-endian values:
 /// - the text line "infrasim-static-layer 2";
 /// - the mount (six float64) and the digest of the scene (uint64);
 /// - the number of units (int32);

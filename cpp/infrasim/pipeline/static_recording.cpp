@@ -50,8 +50,8 @@ struct Unit {
   Mat3 from_levelled;
   double agree_m = 0;  ///< maximum range difference in a group of returns, metres
   std::vector<RecordedLaser> rings;
-  /// sums of the cosine and sine of the phases of all points; a phase is the position of a point
-  /// between two columns
+  /// sums of the cosine and sine of the phases of all points; a phase is an angle, 0 to 2 pi, that
+  /// states the position of a point between two columns
   double grid_cos = 0, grid_sin = 0;
   std::size_t points = 0;
 
@@ -111,7 +111,7 @@ std::vector<Unit> units_of(const SceneConfig& scene, const LidarConfig& lidar,
   return units;
 }
 
-/// Numbers of the frames to read, ascending.
+/// Returns the numbers of the frames to read, ascending.
 std::vector<int> frames_of(const std::filesystem::path& folder) {
   std::vector<int> all = frames_on_disk(folder);
   if (all.size() < kFewestFrames)
@@ -137,8 +137,8 @@ void take_point(Unit& unit, RecordedLaser& ring, Vec3 levelled, float intensity)
   ring.frames.back().push_back({static_cast<float>(at), static_cast<float>(range), intensity});
 }
 
-/// Returns the unit and ring of a ring number, which is counted over all units. The pointers are
-/// null if the number is too large.
+/// Returns the unit and the ring that a ring number stands for. Rings are numbered over all units.
+/// The pointers are null if the number is too large.
 std::pair<Unit*, RecordedLaser*> find_ring(std::vector<Unit>& units, std::size_t number) {
   for (Unit& unit : units) {
     if (number < unit.rings.size()) return {&unit, &unit.rings[number]};
@@ -170,7 +170,7 @@ void take_frame(const std::filesystem::path& folder, int frame, std::vector<Unit
       std::ranges::sort(ring.frames.back(), {}, &RecordedReturn::azimuth);
 }
 
-/// @return elevation error of the worst ring, degrees
+/// @return mean elevation error of the ring with the largest mean error, degrees
 double check_elevations(const std::filesystem::path& folder, const LidarConfig& lidar,
                         const std::vector<Unit>& units) {
   double worst = 0;
@@ -205,7 +205,8 @@ const RecordedReturn* nearest(const std::vector<RecordedReturn>& echoes, double 
 }
 
 /// Returns the mean of the largest group of returns within `extent_m`. Of equally large groups, the
-/// nearest one is used. Returns no value if the group has fewer returns than half of the frames.
+/// group with the shortest range is used. Returns no value if the number of returns in the group is
+/// less than half of the number of frames.
 std::optional<RecordedReturn> agreed(std::vector<RecordedReturn>& seen, double extent_m,
                                      std::size_t frames) {
   std::ranges::sort(seen, {}, &RecordedReturn::range);

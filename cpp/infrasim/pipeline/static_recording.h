@@ -12,8 +12,9 @@ namespace infrasim {
 /// A static layer made from a recording of the real site, and measures of the recording's quality.
 struct RecordedLayer {
   std::vector<StaticHits> units;
-  int frames = 0;                 ///< number of frames used
-  double elevation_miss_deg = 0;  ///< mean elevation error of the points of the worst ring
+  int frames = 0;  ///< number of frames used
+  /// mean elevation error of the points of the ring with the largest mean error
+  double elevation_miss_deg = 0;
   /// azimuth offset of the recorded columns, by unit; 0 if the offset is not constant
   std::vector<double> azimuth_offsets_deg;
   std::size_t too_far = 0;  ///< number of rays whose returns lie beyond the LiDAR's range

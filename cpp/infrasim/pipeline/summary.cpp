@@ -50,7 +50,7 @@ std::vector<std::string> lines_in(const std::filesystem::path& folder) {
   std::istringstream text(unix_text(read_file(folder / "summary.csv")));
   std::string line;
   if (!std::getline(text, line) || line != kSummaryHeader) return lines;
-  std::error_code ignored;  // a folder that can't be read holds no LiDAR of the table
+  std::error_code ignored;  // a LiDAR's folder that can't be read counts as missing
   while (std::getline(text, line))
     if (std::filesystem::exists(folder / line.substr(0, line.find(',')) / "lidar.yaml", ignored))
       lines.push_back(line);

@@ -41,17 +41,18 @@ class Summary {
   explicit Summary(const std::vector<LidarConfig>& lidars);
   /// @param tallies counts of one frame, one entry per LiDAR
   void add(const std::vector<FrameTally>& tallies);
-  /// Adds the frames of a folder that are not in `frames`. The numbers of rays of these frames are
-  /// unknown.
+  /// Adds the frames of a folder whose numbers are not in `frames`. The numbers of rays of these
+  /// frames are unknown.
   void add_others(const std::filesystem::path& folder, const std::vector<int>& frames);
   /// Returns one row per LiDAR with means over the frames so far.
   /// @param threads number of threads that cast at the same time
   std::vector<SummaryRow> rows(int threads) const;
 
  private:
-  std::vector<int> computed_;     ///< number of frames computed in this run, by LiDAR
-  std::vector<int> others_;       ///< number of frames that were not requested, by LiDAR
-  std::vector<SummaryRow> sums_;  ///< sums over frames; mrays_per_s has the millions of rays
+  std::vector<int> computed_;  ///< number of frames computed in this run, by LiDAR
+  std::vector<int> others_;    ///< number of frames that were not requested, by LiDAR
+  /// sums over frames; mrays_per_s is the number of rays in millions
+  std::vector<SummaryRow> sums_;
 };
 
 std::string summary_csv(const std::vector<SummaryRow>& rows);

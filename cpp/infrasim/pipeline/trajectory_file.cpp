@@ -25,7 +25,7 @@ class StoredRows {
   explicit StoredRows(const std::filesystem::path& file) : lines_(file), line_(lines_.next()) {}
 
   bool pitched() const { return lines_.pitched(); }
-  /// Number of the next row; no value after the last row.
+  /// Returns the number of the next row; no value after the last row.
   std::optional<int> step() const { return line_ ? std::optional(line_->step) : std::nullopt; }
   /// Returns the states of the next row and goes on to the row after it.
   std::vector<ObjectState> take() {
@@ -52,12 +52,13 @@ const ObjectState* find_state(const std::vector<ObjectState>& states, int id) {
 }
 
 /// Compares the rows of an existing file with those of a world. A file may omit a state between two
-/// equal states of the object. Any other difference in a row of both is an error.
+/// equal states of the object. Any other difference in a row that both have is an error.
 class RowComparison {
  public:
   explicit RowComparison(const std::filesystem::path& file) : file_(file) {}
 
-  /// Takes the states that the file has in a row, without those that it omits.
+  /// Processes the states that a row of the file contains. States that the file omits are not among
+  /// them.
   void take_stored(const std::vector<ObjectState>& stored) {
     for (const ObjectState& s : stored) {
       Stored& last = last_.try_emplace(s.id, Stored{s, {}}).first->second;
@@ -94,8 +95,9 @@ class RowComparison {
 
  private:
   struct Stored {
-    ObjectState state;              ///< last state in the file
-    std::optional<int> omitted_at;  ///< first row after it in which the file omits the state
+    ObjectState state;  ///< last state in the file
+    /// first row after `state` in which the file omits an equal state
+    std::optional<int> omitted_at;
   };
   [[noreturn]] void fail_without(int k, const ObjectState& s) const {
     fail(k, "it has no object " + std::to_string(s.id) + " at " + place_of(s) +
@@ -113,8 +115,8 @@ class UnionOfRows {
   UnionOfRows(const World& world, const std::vector<bool>& rows, std::filesystem::path existing)
       : world_(world), rows_(rows), existing_(std::move(existing)) {}
 
-  /// @throws IoError if the file has other objects than the world in a row of both. The file of a
-  ///   scene with recorded trajectories has all rows.
+  /// @throws IoError if a row that both have contains other objects in the file than in the world.
+  ///   For a scene with recorded trajectories, the file must have all rows.
   void check() const {
     if (existing_.empty()) return;
     const bool whole = !world_.scene.traffic;
@@ -228,7 +230,8 @@ void merge_trajectories(const std::filesystem::path& file, const World& world,
                         const std::vector<bool>& rows) {
   try {
     merge_rows(file, world, rows);
-  } catch (const ConfigError& error) {  // the file is an output, not a configuration of the user
+  } catch (const ConfigError& error) {
+    // The file is an output. An error in it is no error in the user's configuration.
     throw IoError(error.what());
   }
 }

@@ -19,8 +19,8 @@ std::vector<bool> rows_of_run(const SceneConfig& scene, std::span<const int> fra
 /// were added. The file is replaced in one step, or not changed if it has all rows. Several
 /// processes may call this function at the same time, because it locks the file's folder.
 /// @param rows which rows the file must have
-/// @throws IoError if the file can't be written, or if the existing file has other objects in one
-///   of the rows
+/// @throws IoError if the file can't be written, or if one of these rows in the existing file has
+///   other objects
 void merge_trajectories(const std::filesystem::path& file, const World& world,
                         const std::vector<bool>& rows);
 

@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kMostTimes = 4;  // maximum number of additional casts of a ray
 constexpr float kNever = std::numeric_limits<float>::infinity();
-constexpr double kLevelNormal = 0.9;  // minimum |z| of the normal of a vehicle's lower face
+constexpr double kLevelNormal = 0.9;  // minimum |z| of the unit normal of a vehicle's lower face
 
 Echo vehicle_echo(float range, std::int32_t object, const Optics& optics) {
   return {range, object, 0, optics.reflectance, optics.gain};
@@ -147,7 +147,7 @@ void TransparentCaster::meet_vehicle(const RayBatch& rays, const Passing& state,
   next_.push_back(on);
 }
 
-/// Handles a ray that entered the space below a body and meets the body again.
+/// Processes the next hit of a ray that passes below a body, if the hit is on the same body.
 void TransparentCaster::meet_below(const RayBatch& rays, const BodyHit& body, Part part,
                                    const Passing& state, const Hit& hit) {
   const float range = hit.range;

@@ -27,7 +27,8 @@ class TransparentCaster {
   /// @param vehicles    the vehicles that are set in the raycaster
   /// @param hits        nearest hits, with incidence; their columns are moved to `echoes`
   /// @param path        attenuation between LiDAR and echo
-  /// @param background  known hits of the rays on static surfaces; if empty, the surfaces are cast
+  /// @param background  hits of the rays on static surfaces, if they are known; if empty, the rays
+  ///   are cast at these surfaces too
   /// @param weaker      if not null, receives the weaker echoes, by increasing index of the ray
   /// @return number of rays that were cast again, counted once for each additional cast
   std::size_t resolve(const RayBatch& rays, const FrameVehicles& vehicles,

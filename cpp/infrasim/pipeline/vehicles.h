@@ -6,15 +6,16 @@
 
 namespace infrasim {
 
-/// The objects of one frame that are within range, ordered by id, with one column per attribute.
-/// The attributes do not depend on the LiDAR.
+/// The objects of one frame that are within range of the sensor, ordered by id, with one column per
+/// attribute. The attributes do not depend on the LiDAR.
 struct FrameVehicles {
   std::vector<MovingObject> moving;  ///< objects with their motion, world frame
   std::vector<MovingBody> bodies;    ///< bodies for the raycaster, levelled frame
   std::vector<Box3d> boxes;          ///< boxes at mid-frame, levelled frame
   std::vector<float> reflectance;    ///< reflectance of the paint
-  std::vector<bool> on_lane;         ///< whether the object is simulated traffic, on the road
-  std::vector<double> visibility;    ///< visible share; -1 outside the evaluation region
+  /// whether the object is part of the simulated traffic, and thus on a lane
+  std::vector<bool> on_lane;
+  std::vector<double> visibility;  ///< visible share; -1 outside the evaluation region
 
   std::size_t size() const { return moving.size(); }
 };

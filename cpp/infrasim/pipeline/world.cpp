@@ -40,8 +40,8 @@ double clock_offset_s(const SceneConfig& view) {
   return view.mounts.begin()->second.clock_offset_s.value_or(0);
 }
 
-/// Passes the moving objects of the first instants of a source to `sink`, and checks that no object
-/// is at a sensor.
+/// Passes the moving objects of the first `instants` instants of a source to `sink`, and checks
+/// that no object is at the position of a sensor.
 void each_checked(const StateSource& source, const SceneConfig& scene, int instants,
                   const StateSink& sink) {
   check_sensor_is_free(scene, source.standing(), 0);

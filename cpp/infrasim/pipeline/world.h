@@ -50,15 +50,15 @@ struct World {
   std::vector<std::string> warnings = {};
 
   Raycaster raycaster() const { return Raycaster(meshes->library, cast_origin); }
-  /// Static surfaces in the levelled frame.
+  /// Returns the static surfaces in the levelled frame.
   TriangleMesh background() const { return to_level(meshes->surface, level); }
-  /// Number of frames of length `period_s` in the scene.
+  /// Returns the number of frames with a period of `period_s` in the scene.
   int frames(double period_s) const { return frame_count(scene.duration_s, period_s); }
   /// Converts a time of the mount's clock to a fractional row number of the trajectories.
   double position(double time_s) const { return row_position(time_s + late_s); }
   /// Returns the objects that exist during the whole of frame k, which lasts from k to k + 1
-  /// periods. Each object moves linearly from its state at the start of the frame to that at the
-  /// end.
+  /// periods. Each object moves linearly from its state at the start of the frame to its state at
+  /// the end.
   std::vector<MovingObject> objects_in_frame(int k, double period_s) const;
 };
 
@@ -66,8 +66,8 @@ struct World {
 /// clock. A frame needs the rows from the last one at or before its start to the first one at or
 /// after its end.
 std::vector<bool> rows_of_frames(std::span<const int> frames, double period_s, int steps);
-/// Marks in `true_rows` the trajectory rows in true time from which the marked `rows`, in the time
-/// of a mount's clock, are computed.
+/// Marks in `true_rows` the trajectory rows, in true time, that are needed to compute the rows
+/// marked in `rows`. The rows marked in `rows` are in the time of a mount's clock.
 /// @param late_s clock offset of the mount: true time minus the time of its clock
 void mark_true_rows(const std::vector<bool>& rows, double late_s, std::vector<bool>& true_rows);
 
@@ -110,10 +110,11 @@ std::vector<World> build_worlds(const SceneConfig& scene, const std::vector<std:
 /// @throws the exceptions of build_world
 std::vector<std::string> check_worlds(const SceneConfig& scene, bool drive);
 
-/// Returns whether two scenes from one file have the same traffic and the same sensor positions.
+/// Returns whether two scenes that were read from the same file have the same traffic and the same
+/// sensor positions.
 bool move_alike(const SceneConfig& a, const SceneConfig& b);
 
-/// Names of the mounts, in the order of the file.
+/// Returns the names of the mounts, in the order of the scene file.
 std::vector<std::string> mount_names(const SceneConfig& scene);
 
 /// Returns the objects that overlap within the first minute of simulated traffic, or at any time of
@@ -121,7 +122,7 @@ std::vector<std::string> mount_names(const SceneConfig& scene);
 /// @throws the exceptions of build_world
 std::vector<Overlap> traffic_overlaps(SceneConfig scene);
 
-/// Index of a class in SceneMeshes::bodies.
+/// Returns the index of a class in SceneMeshes::bodies.
 std::size_t body_index(Class object_class);
 
 /// @throws ConfigError if a scene with this number of frames has no frame k

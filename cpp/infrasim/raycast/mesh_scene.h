@@ -21,7 +21,7 @@ struct EmbreeRelease {
 using SceneHandle = std::unique_ptr<RTCSceneTy, EmbreeRelease>;
 using GeometryHandle = std::unique_ptr<RTCGeometryTy, EmbreeRelease>;
 
-/// Where a ray meets the plane of a triangle.
+/// The intersection of a ray with the plane of a triangle.
 struct PlaneHit {
   float range;
   double ahead;  ///< scalar product of the plane's normal and the ray's direction
@@ -33,8 +33,8 @@ struct MeshScene {
   std::vector<std::array<std::uint32_t, 3>> triangles;
   SceneHandle scene;
 
-  /// Returns where a ray meets the plane of a triangle. Embree also computes the range, but its
-  /// result depends on how the processor approximates reciprocals.
+  /// Returns the intersection of a ray with the plane of a triangle. Embree also computes the
+  /// range, but its result depends on how the processor approximates reciprocals.
   /// @param normal normal of the triangle, of any length
   /// @param embree range from Embree, used if the ray is parallel to the plane
   PlaneHit hit(std::uint32_t triangle, Vec3 normal, const BodyMotion::UnitRay& ray,

@@ -23,7 +23,7 @@ struct MovingBody {
   Box3d to;
 };
 
-/// Returns the box of a moving body at a time, which is a share of the frame.
+/// Returns the box of a moving body at the time `share`, which is a share of the frame's duration.
 Box3d box_at(const MovingBody& body, double share);
 
 /// Transforms rays that start at the origin into the unit box of a moving body, each ray at its own
@@ -62,8 +62,8 @@ class BodyMotion {
     return {length_m * inv_dx_, length_m * inv_dy_, length_m * inv_dz_};
   }
 
-  /// Converts a normal in the frame of the unit box, of any length, to a unit normal in the frame
-  /// of the body.
+  /// Converts a normal in the frame of the unit box to a unit normal in the frame of the body. The
+  /// given normal may have any length.
   std::array<float, 3> normal(float nx, float ny, float nz) const {
     nx *= inv_dx_, ny *= inv_dy_, nz *= inv_dz_;
     const float length = std::sqrt(nx * nx + ny * ny + nz * nz);
@@ -71,7 +71,8 @@ class BodyMotion {
                       : std::array{0.F, 0.F, 1.F};
   }
 
-  /// Cosine between a ray in the unit box and a surface with a normal of any length.
+  /// Returns the cosine of the angle of incidence of a ray on a surface of the body. The ray and
+  /// the surface's normal are given in the frame of the unit box. The normal may have any length.
   float cos_incidence(const UnitRay& ray, float nx, float ny, float nz) const {
     const float ahead = std::abs(nx * ray.dx + ny * ray.dy + nz * ray.dz);
     nx *= inv_dx_, ny *= inv_dy_, nz *= inv_dz_;
@@ -80,8 +81,8 @@ class BodyMotion {
   }
 
  private:
-  /// Cosine and sine of the heading at a share of the frame. Most turns are so small that a short
-  /// series has the precision of float.
+  /// Returns the cosine and sine of the heading at the time `share`, which is a share of the
+  /// frame's duration. Most turns are so small that a short series has the precision of float.
   std::pair<float, float> turned(float share) const {
     const float a = share * turn_, q = a * a;
     if (q > kSmallTurn * kSmallTurn) return {math::cos(heading_ + a), math::sin(heading_ + a)};

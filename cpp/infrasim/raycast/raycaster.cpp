@@ -19,8 +19,8 @@ namespace {
 
 constexpr int kGrid = 8;  // number of visibility rays along each side of the grid over a box
 
-/// Whether a ray meets the unit box, in which the mesh of a body lies, between two ranges. Also
-/// true for some rays that pass slightly beside the box.
+/// Returns whether a ray meets the unit box, in which the mesh of a body lies, between two ranges.
+/// Also returns true for some rays that pass slightly beside the box.
 /// @param margin length by which the box is enlarged on each side, along x, y and z
 bool meets_unit_box(const BodyMotion::UnitRay& ray, float from, float to,
                     const std::array<float, 3>& margin = {}) {
@@ -118,7 +118,7 @@ struct Raycaster::Impl {
     }
   }
 
-  /// Casts the queued rays at a body and keeps hits that are nearer than the previous ones.
+  /// Casts the queued rays at a body. A hit replaces the previous hit of its ray if it is nearer.
   void cast_queue(std::size_t body, const RayBatch& rays, HitBatch& hits, bool incidence) {
     if (queue_size == 0) return;
     const BodyMotion& motion = motions[body];
@@ -144,7 +144,8 @@ struct Raycaster::Impl {
     queue_size = 0;
   }
 
-  /// Makes rays through the centres of the grid cells in the box's angular rectangle.
+  /// Makes rays through the centres of the cells of a grid. The grid covers the rectangle of
+  /// azimuth and elevation that contains the box.
   void aim_probe(const Box3d& box) {
     const double centre = math::atan2(box.y, box.x);
     double left = -kPi, right = kPi, up = -kPi, down = kPi;
@@ -299,7 +300,7 @@ double Raycaster::visibility(std::size_t index, const Volumes& leaves) {
   m.queue(index, m.probe, kOrder, m.probe_hits, false);
   m.cast_queue(index, m.probe, m.probe_hits, false);
   const auto own = static_cast<std::int32_t>(index);
-  std::vector<std::uint32_t> meeting;  // rays that hit the body without other objects
+  std::vector<std::uint32_t> meeting;  // rays that hit the body if it is the only object
   std::ranges::copy_if(kOrder, std::back_inserter(meeting),
                        [&](std::uint32_t k) { return m.probe_hits.object[k] == own; });
   cast(m.probe, meeting, m.probe_hits, false);

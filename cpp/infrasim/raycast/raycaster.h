@@ -57,7 +57,7 @@ class Raycaster {
   /// Sets the moving bodies of a frame that lasts `period_s`.
   void set_bodies(std::span<const MovingBody> bodies, double period_s);
 
-  /// Upper limit of the elevation of everything in the scene.
+  /// Returns the upper limit of the elevation of everything in the scene.
   const Horizon& horizon() const;
 
   /// Returns the index of moving bodies by the directions that they cover during the frame.
@@ -65,8 +65,8 @@ class Raycaster {
 
   /// Finds the nearest hit of each ray in `order`, at the ray's own time. Rays are cast in packets
   /// of 16 in that order, but the hits do not depend on the order. Rays that are not in `order`
-  /// become misses. Of several equally near hits, a hit on the background is used; without one, the
-  /// hit on the body with the lowest index.
+  /// become misses. If several hits are equally near, a hit on the background has priority over
+  /// hits on bodies, and a body with a lower index has priority over other bodies.
   /// @param incidence whether to fill hits.cos_incidence, and hits.place for bodies
   void cast(const RayBatch& rays, std::span<const std::uint32_t> order, HitBatch& hits,
             bool incidence = true);
@@ -89,10 +89,11 @@ class Raycaster {
                    std::span<const float> range, float spread, float from_m,
                    std::vector<std::uint32_t>& near) const;
 
-  /// Returns the visible share of a body at mid-frame. 8 x 8 rays are cast through the angular
-  /// rectangle of its box. Of the rays that would hit the body without other objects, the visible
-  /// share is the part that reaches the body first. Each ray is weighted by the transmission of
-  /// leaves. The share is 0 if no ray would hit the body.
+  /// Returns the visible share of a body at mid-frame. 8 x 8 rays are cast through the rectangle of
+  /// azimuth and elevation that contains the body's box. The visible share is the number of rays
+  /// that reach the body first, divided by the number of rays that would hit the body if there were
+  /// no other objects. Each ray that reaches the body is weighted by the transmission of the leaves
+  /// on its path. The share is 0 if no ray would hit the body.
   double visibility(std::size_t index, const Volumes& leaves);
 
  private:

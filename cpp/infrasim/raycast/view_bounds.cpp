@@ -11,10 +11,11 @@ constexpr float kMargin =
 // twice the margin, because a bearing changes at least half as much as the angle
 constexpr double kAngleMargin = 2 * kMargin;
 
-/// Horizontal distance from the origin to a convex outline; 0 inside.
+/// Returns the horizontal distance from the origin to a convex outline; 0 if the origin is inside
+/// the outline.
 double nearest(std::span<const Vec2> outline) {
   double distance = kInf;
-  bool left = false, right = false;  // sides of the edges on which the origin lies
+  bool left = false, right = false;  // whether the origin is left or right of an edge
   for (std::size_t i = 0; i < outline.size(); ++i) {
     const Vec2 a = outline[i], ab = outline[(i + 1) % outline.size()] - a;
     const double length_squared = dot(ab, ab), side = cross(a, ab);

@@ -14,7 +14,8 @@ constexpr double kVolumeMargin_m = 0.01;  // margin of nearest_m, larger than ro
 }  // namespace
 
 Volumes::Volumes(std::span<const LeafVolume> volumes) {
-  // The nearest volumes are first, because volumes behind a stopped ray need no random numbers.
+  // The nearest volumes are first, because no random numbers are needed for volumes behind the
+  // point at which a ray stops.
   std::vector<LeafVolume> by_distance(volumes.begin(), volumes.end());
   std::ranges::stable_sort(by_distance, {}, [](const LeafVolume& leaves) {
     return math::hypot(leaves.box.x, leaves.box.y);
@@ -68,7 +69,7 @@ Volumes::Way Volumes::way_through(std::size_t volume, float dx, float dy, float 
 }
 
 Volumes::RayWay Volumes::with_limit(RayWay way) const {
-  constexpr double kSlack = 1e-5;  // margin above the errors of exp and log
+  constexpr double kSlack = 1e-5;  // larger than the errors of exp and log
   const double depth = volumes_[way.volume].density_per_m * (way.way.to - way.way.from);
   way.passes = math::exp(-depth) * (1 - kSlack);
   return way;

@@ -15,7 +15,8 @@
 namespace infrasim {
 
 /// Volumes of leaves, for rays from the origin of the levelled frame. A volume stops a ray with a
-/// probability per metre (Beer-Lambert). A random sample of the ray determines where it stops.
+/// probability per metre (Beer-Lambert). The random sample of the ray determines the range at which
+/// the volume stops it.
 class Volumes {
  public:
   Volumes() = default;

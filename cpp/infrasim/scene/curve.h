@@ -23,11 +23,11 @@ class Curve {
 
   double length() const { return s_.back(); }
   const std::vector<CurvePoint>& samples() const { return samples_; }
-  /// Station s of each sample.
+  /// Returns the station s of each sample.
   const std::vector<double>& stations() const { return s_; }
-  /// Point at the station s, or the nearer end if s is outside the curve.
+  /// Returns the point at the station s, or the nearer end if s is outside the curve.
   CurvePoint at(double s) const;
-  /// Station of the curve's point nearest to `point`.
+  /// Returns the station of the curve's point nearest to `point`.
   double project(Vec2 point) const;
   /// A point of a segment.
   struct SegmentPoint {
@@ -37,12 +37,12 @@ class Curve {
   /// Returns the point of a segment that is nearest to `point`.
   /// @param segment index of the segment's first sample
   SegmentPoint nearest_on(std::size_t segment, Vec2 point) const;
-  /// The part of the curve between the stations s0 and s1.
+  /// Returns the part of the curve between the stations s0 and s1.
   Curve part(double s0, double s1) const;
   /// Returns the curve with every sample moved to its left by `left_m`.
   Curve offset(double left_m) const;
   Curve reversed() const;
-  /// Radius of the tightest bend; infinite for a straight curve.
+  /// Returns the radius of the tightest bend; infinite for a straight curve.
   double tightest_radius() const;
 
  private:
@@ -71,8 +71,8 @@ class CurveGrid {
   OutlineIndex segments_;
 };
 
-/// Smooth turn from one directed point to another (cubic Bezier, almost a circle for a right
-/// angle).
+/// Returns a smooth turn from one directed point to another (cubic Bezier, almost a circle for a
+/// right angle).
 Curve turn(const CurvePoint& from, const CurvePoint& to);
 
 }  // namespace infrasim

@@ -46,7 +46,7 @@ bool stays_in_lane(const Vehicle& v, const Lane& turn) {
   return half_width_in_bend(v, turn.curve.tightest_radius(), outwards) <= turn.width_m / 2;
 }
 
-/// The lane that a vehicle takes at the end of its own lane.
+/// Returns the lane that a vehicle takes at the end of its own lane.
 int next_lane(const TrafficState& state, const TrafficSignals& signals, const Vehicle& v) {
   const LaneNetwork& network = state.network;
   const Lane& lane = state.lane_of(v);
@@ -77,7 +77,8 @@ int next_lane(const TrafficState& state, const TrafficSignals& signals, const Ve
   return *way(Turn::kStraight);
 }
 
-/// The desired speed, reduced if the vehicle must brake for a next lane with a lower speed limit.
+/// Returns the desired speed, reduced if the vehicle must brake for a next lane with a lower speed
+/// limit.
 double target_speed(const TrafficState& state, const Vehicle& v) {
   const double here = std::min(v.desired_speed, state.lane_of(v).speed_limit_m_s);
   if (v.next_lane < 0) return here;
@@ -118,7 +119,8 @@ Leader vehicle_ahead(const TrafficState& state, int lane, std::size_t i) {
   return best;
 }
 
-/// Represents the stop line of a red signal by a standing vehicle slightly behind the line.
+/// Returns the red signal ahead as a vehicle that stands slightly behind the stop line. Returns an
+/// infinite gap if the driver need not stop.
 Leader red_signal(const TrafficState& state, const TrafficSignals& signals, const Vehicle& v) {
   const int approach = state.lane_of(v).approach;
   if (approach < 0 || v.committed || signals.is_green(approach)) return {};

@@ -19,7 +19,7 @@ void choose_next_lanes(TrafficState& state, const TrafficSignals& signals);
 /// stop at the signal.
 void commit_at_green(TrafficState& state, const TrafficSignals& signals);
 
-/// Acceleration (m/s2) of vehicle i of a lane.
+/// Returns the acceleration (m/s2) of vehicle i of a lane.
 double acceleration(const TrafficState& state, const TrafficSignals& signals, int lane,
                     std::size_t i);
 

@@ -13,8 +13,8 @@ struct VehicleSize {
   double dx = 0, dy = 0, dz = 0;
 };
 
-/// The object class that a uniform sample u selects. `shares` are weights by class name; at least
-/// one weight is above 0.
+/// Returns the object class that a uniform sample u selects. `shares` are weights by class name; at
+/// least one weight is above 0.
 const ObjectClass& class_at(const std::map<std::string, double>& shares, double u);
 
 /// Returns a random size within two standard deviations, from samples 1 to 6 of a vehicle's random

@@ -46,7 +46,7 @@ std::optional<Vec2> crossing(const Curve& a, const Curve& b) {
   return std::nullopt;
 }
 
-/// The point where two roads meet: they cross, or one ends on the carriageway of the other.
+/// Returns the point where two roads cross, or where one road ends on the carriageway of the other.
 std::optional<Vec2> meeting(const RoadLine& a, const RoadLine& b) {
   if (const auto point = crossing(a.curve, b.curve)) return point;
   for (const auto& [stem, main] : {std::pair{&a, &b}, std::pair{&b, &a}})
@@ -58,7 +58,7 @@ std::optional<Vec2> meeting(const RoadLine& a, const RoadLine& b) {
   return std::nullopt;
 }
 
-/// Whether a road ends within `reach` of a station.
+/// Returns whether a road ends within `reach` of a station.
 bool is_end(const RoadLine& road, double s, double reach) {
   return std::min(s, road.curve.length() - s) <= reach;
 }
@@ -89,7 +89,7 @@ double half_crossing(const LanesConfig& road, const LanesConfig& other, double a
   return (across + along) / std::abs(math::sin(angle));
 }
 
-/// Angle between two lines, 0 to pi / 2 radians.
+/// Returns the angle between two lines, 0 to pi / 2 radians.
 double between_lines(double heading_a, double heading_b) {
   const double angle = std::abs(wrap_angle(heading_a - heading_b));
   return std::min(angle, kPi - angle);
@@ -142,7 +142,8 @@ Ring ring_at(const JunctionConfig& junction, Vec2 centre, const RoadConfig& a,
   return {a.name + "_" + b.name + "_ring", centre, a.elevation_m, *junction.roundabout};
 }
 
-/// Sets the part of both roads that is inside a junction. Returns the ring of a roundabout.
+/// Sets the part of both roads that is inside a junction. Returns the ring if the junction is a
+/// roundabout, otherwise no value.
 std::optional<Ring> cut_roads(const SceneConfig& scene, int index, std::vector<RoadLine>& roads) {
   const JunctionConfig& junction = scene.junctions[static_cast<std::size_t>(index)];
   RoadLine& a = roads[road_index(scene, junction.roads[0], junction.place, "roads")];

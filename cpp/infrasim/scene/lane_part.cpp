@@ -18,7 +18,7 @@ struct Stretch {
   double from, to;  // start and end, m along a lane
 };
 
-/// The stretches of a line within a circle, in order.
+/// Returns the stretches of a line within a circle, in order.
 std::vector<Stretch> stretches_within(const Curve& line, Vec2 centre, double radius) {
   std::vector<Stretch> out;
   double s = 0;
@@ -42,7 +42,7 @@ std::vector<Stretch> stretches_within(const Curve& line, Vec2 centre, double rad
   return out;
 }
 
-/// Direction of travel at a station, from the points half a metre before and after it.
+/// Returns the direction of travel at a station, from the points half a metre before and after it.
 double heading_at(const Curve& line, double s) {
   const Vec2 before = line.at(s - kHalfChord).position, after = line.at(s + kHalfChord).position;
   const Vec2 way =

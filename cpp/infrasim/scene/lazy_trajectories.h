@@ -35,8 +35,8 @@ class LazyTrajectories {
   int steps() const { return steps_count_; }
   bool pitched() const { return source_.pitched(); }
 
-  /// Objects that exist from row number `from` to row number `to`. Both may be fractional, as in
-  /// Trajectories::between.
+  /// Returns the objects that exist from row number `from` to row number `to`. Both may be
+  /// fractional, as in Trajectories::between.
   /// @throws ConfigError if a vehicle hits a sensor up to the row `to`
   std::vector<MovingObject> between(double from, double to);
 
@@ -44,9 +44,9 @@ class LazyTrajectories {
   /// @throws ConfigError if a vehicle hits a sensor
   void drive();
 
-  /// Number of instants that have been simulated since the simulation last began.
+  /// Returns the number of instants that have been simulated since the simulation last began.
   int simulated() const;
-  /// Number of rows in memory.
+  /// Returns the number of rows in memory.
   std::size_t kept() const;
 
  private:

@@ -67,7 +67,7 @@ class ObstacleRules {
   }
 
  private:
-  /// True if the box lies in the space over a lane that vehicles need.
+  /// Returns whether the box lies in the space over a lane that vehicles need.
   bool stands_on_lane(const Box3d& box) const {
     const double low = box.z - box.dz / 2, high = box.z + box.dz / 2;
     const auto in_way = [&](double level) { return high > level && low < level + kClearance_m; };
@@ -137,7 +137,8 @@ class ObstacleRules {
     ParkedConfig& row = (*scene.parked)[first.row];
     const ParkedConfig given = row;
     std::string outermost;
-    // A row is parked again at each offset, because its vehicles move along a bend.
+    // The whole row is parked again at each offset. In a bend, another offset also moves vehicles
+    // along the road.
     while (std::abs(row.offset_m) <= std::abs(given.offset_m) + kMostShift_cm / 100.0) {
       int most_cm = 0;
       for (const ParkedVehicle& vehicle : parked_vehicles(scene, site_.centrelines)) {
@@ -210,7 +211,7 @@ class ObstacleRules {
     }
   }
 
-  /// The free space that a row of pedestrians or cyclists needs, in pieces of 2 m.
+  /// Returns the free space that a row of pedestrians or cyclists needs, in pieces of 2 m.
   std::vector<Box3d> free_way(const PeopleConfig& row) const {
     const Road road = road_named(site_.scene, site_.centrelines, row.road, row.place);
     const Curve line = line_beside(road.centreline, row);

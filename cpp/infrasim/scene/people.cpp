@@ -91,7 +91,7 @@ double order_of(double velocity) {
   return velocity > 0 ? velocity : kBeyondAll + velocity;
 }
 
-/// Smooth step from 0 to 1 for u from 0 to 1, with zero slope at both ends.
+/// Returns a smooth step from 0 to 1 for u from 0 to 1, with zero slope at both ends.
 double smooth(double u) {
   const double v = std::clamp(u, 0.0, 1.0);
   return v * v * (3 - 2 * v);
@@ -104,7 +104,8 @@ struct PeopleRow::Gap {
   std::size_t right, left;
   /// required lateral distance of the two people, without their offsets from the line
   double apart = 0;
-  /// 1 while the two people pass each other, falling to 0 at a larger distance
+  /// weight of `apart`: 1 while the two people pass each other, falling to 0 with increasing
+  /// distance
   double near = 0;
 };
 

@@ -16,11 +16,11 @@ inline constexpr int kFirstPersonId = 1'500'000'000;
 /// smallest id of standing people, larger than the ids of walking pedestrians and cyclists
 inline constexpr int kFirstStandingPersonId = 2'000'000'000;
 
-/// Radius of the circle that contains the bodies of a standing group.
+/// Returns the radius of the circle that contains the bodies of a standing group.
 double radius_of(const StandingPeopleConfig& group);
 
-/// The standing pedestrians of all groups, sampled from the scene's seed. Their heights do not
-/// include the profile.
+/// Returns the standing pedestrians of all groups, sampled from the scene's seed. Their z
+/// coordinates do not include the rise of the profile.
 /// @throws ConfigError for more people than a scene may have
 std::vector<ObjectState> standing_people(const SceneConfig& scene);
 

@@ -17,8 +17,9 @@ inline constexpr double kFootways_m = 6;
 /// If the scene has roads, the region is the carriageway of each road from -half length to +half
 /// length around the sensor's foot, which is the point vertically below the sensor. The station s
 /// is 0 at the foot and grows in the sensor's viewing direction, or in the direction of traffic on
-/// a roundabout's ring. If the scene has a lane file, the region is the parts of lanes within the
-/// half length of the foot. Each part is a separate road in the direction of traffic.
+/// a roundabout's ring. If the scene has a lane file, the region is the parts of lanes that are at
+/// most the half length away from the foot. Each part is a separate road in the direction of
+/// traffic.
 ///
 /// For pedestrians and cyclists the region is kFootways_m wider on each side. If the scene has
 /// `regions`, the evaluation region is only the part inside these outlines.
@@ -29,13 +30,15 @@ class EvaluationRegion {
   ///   if no road or lane overlaps with `regions`
   EvaluationRegion(const Site& site, const MountConfig& mount);
 
+  /// Returns whether an object is in the region.
   /// @param point centre of an object of the class, world frame
   bool contains(Vec2 point, Class object_class) const;
 
-  /// Columns road,s,x,y,z,heading,half_width in 1 m steps along roads and lanes, regardless of
-  /// `regions`; world frame, metres, radians.
+  /// Returns a table with the columns road,s,x,y,z,heading,half_width in 1 m steps along roads and
+  /// lanes, regardless of `regions`; world frame, metres, radians.
   std::string roads_csv() const;
-  /// Columns region,x,y: corners in order, world frame, metres; empty without `regions`.
+  /// Returns a table with the columns region,x,y: corners in order, world frame, metres; empty
+  /// without `regions`.
   std::string regions_csv() const;
 
  private:

@@ -12,8 +12,8 @@
 
 namespace infrasim {
 
-/// Distance from a road's centreline to the outer edge of its shoulder (first function) or of its
-/// footway (second function).
+/// Returns the distance from a road's centreline to the outer edge of its shoulder (first function)
+/// or of its footway (second function).
 double carriageway_half_width(const LanesConfig& lanes);
 double outer_half_width(const LanesConfig& lanes);
 
@@ -21,7 +21,7 @@ double outer_half_width(const LanesConfig& lanes);
 /// large.
 Curve centreline(const RoadConfig& road);
 
-/// The centrelines of a scene's roads, in the order of the roads.
+/// Returns the centrelines of a scene's roads, in the order of the roads.
 /// @throws ConfigError if all roads together are longer than 100 km
 std::vector<Curve> centrelines(const SceneConfig& scene);
 

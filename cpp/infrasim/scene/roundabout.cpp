@@ -17,7 +17,7 @@ CurvePoint on_ring(const Ring& ring, double angle) {
   return {ring.centre + ring.config.radius_m * heading_vector(angle), wrap_angle(angle + kPi / 2)};
 }
 
-/// Arc from `start` counter-clockwise by `sweep`, both ends included.
+/// Returns the arc from `start` counter-clockwise by `sweep`, both ends included.
 std::vector<CurvePoint> arc(const Ring& ring, double start, double sweep) {
   const auto steps = static_cast<int>(std::ceil(sweep * ring.config.radius_m / 0.5));
   std::vector<CurvePoint> out;

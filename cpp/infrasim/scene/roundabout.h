@@ -18,20 +18,21 @@ struct Ring {
   double elevation_m = 0;
   RoundaboutConfig config;
 
-  /// Closed centreline of the ring's lane. The line begins and ends on the side opposite to `near`.
+  /// Returns the closed centreline of the ring's lane. The line begins and ends on the side
+  /// opposite to `near`.
   Curve line(Vec2 near) const;
-  /// Path from a stop line over the ring to an exit.
+  /// Returns the path from a stop line over the ring to an exit.
   Curve way(const CurvePoint& from, const CurvePoint& to) const;
-  /// Point at which vehicles from a stop line enter the ring.
+  /// Returns the point at which vehicles from a stop line enter the ring.
   Vec2 entry(Vec2 stop) const;
   /// Returns the length along the ring in the direction of traffic, between the points of the ring
   /// that are nearest to two positions.
   double along(Vec2 from, Vec2 to) const;
-  /// Whether a point is on the roundabout's lane or island.
+  /// Returns whether a point is on the roundabout's lane or island.
   bool holds(Vec2 point) const {
     return norm(point - centre) < config.radius_m + config.width_m / 2;
   }
-  /// Distance from the ring's centre to the stop lines.
+  /// Returns the distance from the ring's centre to the stop lines.
   double reach_m() const;
 };
 

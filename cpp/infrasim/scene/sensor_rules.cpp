@@ -110,7 +110,7 @@ bool holds(const Box3d& box, const Sensor& sensor) {
   return BoxFrame(box).contains({sensor.foot.x, sensor.foot.y, sensor.z}, 0);
 }
 
-/// Name of the object that contains the sensor; empty if there is none.
+/// Returns the name of the object that contains the sensor; empty if there is none.
 std::string what_holds(const Site& site, const Sensor& sensor) {
   for (const StaticBox& solid : site.boxes)
     if (holds(solid.box, sensor)) return solid.kind;
@@ -143,9 +143,10 @@ constexpr std::size_t kDirections = 16;  // number of directions in which walls 
 // an opening
 constexpr std::size_t kFewestWalls = 15;
 
-/// Surfaces of the meshes around a sensor. The height or distance of a missing surface is infinite.
+/// Surfaces of the meshes around a sensor. Heights are relative to the sensor. The height or
+/// distance of a missing surface is infinite.
 struct MeshesAround {
-  double over = kInf;    ///< height above the sensor of the lowest road, footway or terrain
+  double over = kInf;    ///< height of the lowest road, footway or terrain above the sensor
   double under = -kInf;  ///< height of the highest road, footway or terrain below the sensor
   bool on_road = false;  ///< whether the surface at `under` is a road
   bool roof = false;     ///< whether a structure is above the sensor
@@ -157,8 +158,8 @@ struct MeshesAround {
 
 using Corners = std::array<Vec3, 3>;  // a triangle, relative to the sensor
 
-/// Returns the height of a triangle at the sensor's position; no value if the triangle is beside
-/// the sensor.
+/// Returns the height of a triangle above the sensor, negative below it; no value if the triangle
+/// is not vertically above or below the sensor.
 std::optional<double> height_over_foot(const Corners& t) {
   const double twice =
       cross(Vec2{t[1].x - t[0].x, t[1].y - t[0].y}, {t[2].x - t[0].x, t[2].y - t[0].y});

@@ -12,10 +12,10 @@ namespace infrasim {
 ///   lane, or too far from or too high above all roads, lanes and ground
 void check_sensor_at(const Site& site, const std::string& name, const MountConfig& mount);
 
-/// Returns the height of a point above the highest road, lane or ground that lies below it within
-/// 50 m. Without such a surface, the height is relative to the lowest surface of the scene. If the
-/// scene has no surface, the height is infinite. All heights are those of the scene file, before
-/// the profile raises the scene.
+/// Returns the height of a point above the highest road, lane or ground that is lower than the
+/// point and less than 50 m away horizontally. Without such a surface, the height is relative to
+/// the lowest surface of the scene. If the scene has no surface, the height is infinite. All
+/// heights are those of the scene file, before the profile raises the scene.
 double height_above_surface(const Site& site, Vec2 foot, double z);
 
 /// @param surface the site's static surface

@@ -10,8 +10,8 @@
 
 namespace infrasim {
 
-/// An upright ellipsoid, metres. `lean` is the length by which its top is shifted forwards and its
-/// bottom backwards.
+/// An upright ellipsoid, metres. `lean` is the length by which the top of the ellipsoid is shifted
+/// forwards and its bottom backwards.
 struct Ellipsoid {
   Vec3 centre;
   Vec3 radii;

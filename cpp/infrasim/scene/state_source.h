@@ -21,8 +21,8 @@ class StateSource {
   /// @throws ConfigError, IoError if the trajectory file has an error or can't be read
   explicit StateSource(const Site& site);
 
-  /// Objects that stand during the whole scene, by increasing id: recorded vehicles, parked
-  /// vehicles and standing people.
+  /// Returns the objects that stand during the whole scene, by increasing id: recorded vehicles,
+  /// parked vehicles and standing people.
   const std::vector<ObjectState>& standing() const { return standing_; }
   /// Returns whether objects may have a pitch. Their tables then have a column for the pitch.
   bool pitched() const { return site_.scene.profile || (recorded_ && recorded_->pitched); }
@@ -43,7 +43,8 @@ class StateSteps {
   /// @throws ConfigError if vehicles of a class do not fit the lanes, or people do not fit a road
   explicit StateSteps(const StateSource& source);
 
-  /// The states of the next instant, by increasing id, without the source's standing objects.
+  /// Returns the states of the next instant, by increasing id, without the source's standing
+  /// objects.
   std::vector<ObjectState> next_moving();
 
  private:

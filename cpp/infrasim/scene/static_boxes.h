@@ -16,7 +16,7 @@ struct StaticBox {
   const char* kind;  ///< kind of object, for messages
 };
 
-/// Buildings, the legs and beams of gantries, and trunks of trees.
+/// Returns the buildings, the legs and beams of gantries, and trunks of trees.
 /// @param centrelines centrelines of the scene's roads
 /// @throws ConfigError for a gantry or trees on an unknown road or beyond a road's end
 std::vector<StaticBox> static_boxes(const SceneConfig& scene, std::span<const Curve> centrelines);

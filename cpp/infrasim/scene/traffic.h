@@ -11,7 +11,7 @@ namespace infrasim {
 /// Driver Model (Treiber, Hennecke, Helbing 2000). The number of vehicles is constant and follows
 /// from the density. When a vehicle leaves at the end of a lane, a new one appears at an entry.
 /// Vehicles do not change lanes. Two points of each vehicle follow the lane, so that a long vehicle
-/// stays within its lane in a bend. A vehicle that would not stay within a turn goes straight on.
+/// stays within its lane in a bend. A vehicle that would leave its lane in a turn goes straight on.
 class TrafficSteps {
  public:
   /// The constructor simulates nothing.

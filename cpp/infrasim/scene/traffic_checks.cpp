@@ -11,8 +11,8 @@ namespace infrasim {
 
 namespace {
 
-// The rules of simulated traffic prevent overlaps. Therefore only its first minute is tested for
-// overlaps, as in `infrasim check --traffic`.
+// The rules of simulated traffic prevent overlaps. Therefore only the first minute of simulated
+// traffic is tested for overlaps, as in `infrasim check --traffic`.
 constexpr int kSimulatedInstants = 601;
 constexpr int kHeightEvery = 10;  // number of instants between two tests of a vehicle's height
 // maximum plausible height of a vehicle above or below its lane

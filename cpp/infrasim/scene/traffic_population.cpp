@@ -58,7 +58,7 @@ void TrafficPopulation::fill() {
   }
 }
 
-/// The desired speed, reduced so that the vehicle can stop at the signal ahead.
+/// Returns the desired speed, reduced so that the vehicle can stop at the signal ahead.
 double TrafficPopulation::speed_at_start(const Vehicle& v, double desired) const {
   if (state_.lane_of(v).approach < 0) return desired;
   return std::min(desired, std::sqrt(2 * kBraking * std::max(0.0, state_.to_stop_line(v))));

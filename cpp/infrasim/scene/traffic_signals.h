@@ -19,7 +19,7 @@ class TrafficSignals {
   void find_gaps(const TrafficState& state);
 
   bool is_green(int approach) const;
-  /// Number of lanes of an approach.
+  /// Returns the number of lanes of an approach.
   std::size_t lanes_of(int approach) const { return arms_[approach].lanes.size(); }
 
  private:

@@ -34,7 +34,8 @@ TrafficState::TrafficState(const LaneNetwork& lane_network)
       near[junction].push_back(static_cast<int>(i));
 }
 
-/// Position on a vehicle's path at a station of its lane, possibly beyond the lane's ends.
+/// Returns the position on a vehicle's path at a station of its lane, possibly beyond the lane's
+/// ends.
 Vec2 TrafficState::on_path(const Vehicle& v, double s) const {
   const Lane& lane = lane_of(v);
   const double length = lane.curve.length();

@@ -65,7 +65,8 @@ struct TrafficState {
           if (stays_on(ring, v)) use(ring, v);
   }
 
-  /// States by increasing id, rounded to the digits of the trajectory file.
+  /// Returns the states of all vehicles by increasing id, rounded to the digits of the trajectory
+  /// file.
   std::vector<ObjectState> object_states() const;
 
  private:

@@ -12,12 +12,12 @@ namespace infrasim {
 
 inline constexpr double kRowStep_s = 0.1;  ///< time step of the trajectory rows
 
-/// Number of time steps in a duration. The number of rows is larger by 1.
+/// Returns the number of time steps in a duration. The number of rows is larger by 1.
 inline int row_steps(double duration_s) {
   return static_cast<int>(std::llround(duration_s / kRowStep_s));
 }
 
-/// Number of whole frame periods in a duration.
+/// Returns the number of whole frame periods in a duration.
 inline int frame_count(double duration_s, double period_s) {
   constexpr double kTolerance = 1e-6;
   return static_cast<int>(row_steps(duration_s) * kRowStep_s / period_s + kTolerance);
@@ -37,8 +37,8 @@ struct ObjectState {
   bool operator==(const ObjectState&) const = default;
 };
 
-/// One object during one frame. The position is linear in time, and the heading changes linearly
-/// along the shorter way. Rays and labels both use this motion.
+/// One object during one frame. The position is linear in time, and the heading changes linearly in
+/// the direction of the smaller rotation. Rays and labels both use this motion.
 struct MovingObject {
   int id = 0;
   Class object_class = Class::kCar;
@@ -79,10 +79,11 @@ struct Trajectories {
   int steps() const { return static_cast<int>(rows.size()) - 1; }
   /// Returns whether the rows around a fractional row number are present.
   bool has(double position) const;
-  /// States at a fractional row number, without the standing objects.
+  /// Returns the states at a fractional row number, without the standing objects.
   /// @throws std::logic_error if a required row is missing
   std::vector<ObjectState> moving_at(double position) const;
-  /// Objects that exist from the fractional row number `from` to `to`, with the standing objects.
+  /// Returns the objects that exist from the fractional row number `from` to `to`, with the
+  /// standing objects.
   /// @throws std::logic_error if one of the required rows is missing
   std::vector<MovingObject> between(double from, double to) const;
 };

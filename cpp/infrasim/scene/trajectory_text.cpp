@@ -80,7 +80,7 @@ class EndsOfRuns {
       run.first = -1;  // marks the beginning of the second pass
     }
   }
-  /// Returns, in the second pass, whether the text has this state.
+  /// Returns, in the second pass, whether the text must contain this state.
   bool has(int row, const ObjectState& s) {
     auto& [run, ends, next] = objects_.at(s.id);
     if (run.first < 0 || run.state != s) {

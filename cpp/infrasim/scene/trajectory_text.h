@@ -28,7 +28,7 @@ using RowSource = std::function<void(const RowSink&)>;
 void write_trajectories(bool pitched, const RowSource& source,
                         const std::function<void(std::string_view)>& take);
 
-/// The whole text of trajectories.csv.
+/// Returns the whole text of trajectories.csv.
 std::string trajectories_csv(const Trajectories& trajectories);
 
 /// One line of trajectories.csv.

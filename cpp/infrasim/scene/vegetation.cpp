@@ -61,6 +61,7 @@ std::vector<Tree> trees(const SceneConfig& scene, std::span<const Curve> centrel
   return out;
 }
 
+/// Adds a hedge along a road, cut into pieces.
 /// @param level true if the scene has no profile
 void add_hedge_along(const Road& road, const HedgeAlongConfig& hedge, bool level,
                      std::vector<LeafVolume>& out) {

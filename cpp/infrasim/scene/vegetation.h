@@ -16,15 +16,15 @@ struct LeafVolume {
   const char* kind;  ///< kind of object, for messages
 };
 
-/// True for points inside the volume.
+/// Returns whether a point is inside the volume.
 bool holds(const LeafVolume& volume, Vec3 point);
 
-/// Hedges and crowns, world frame.
+/// Returns the hedges and the crowns of trees, in the world frame.
 /// @param centrelines centrelines of the scene's roads
 /// @throws ConfigError for an unknown road, or a start beyond a road's end
 std::vector<LeafVolume> leaf_volumes(const SceneConfig& scene, std::span<const Curve> centrelines);
 
-/// The trunks of trees.
+/// Returns the trunks of trees.
 /// @param centrelines centrelines of the scene's roads
 /// @throws ConfigError for an unknown road, or a start beyond a road's end
 std::vector<StaticBox> trunks(const SceneConfig& scene, std::span<const Curve> centrelines);

@@ -80,7 +80,7 @@ Station between(const Station& a, const Station& b, double u) {
 
 using Outline = std::vector<Vec2>;  ///< (y, z) of half a cross-section, from the bottom to the top
 
-/// Corners of the left half (y >= 0) of a cross-section, from the bottom to the top.
+/// Returns the corners of the left half (y >= 0) of a cross-section, from the bottom to the top.
 Outline half_corners(const Silhouette& body, const Station& s) {
   const double above = std::clamp((s.height - body.belt) / (1 - body.belt + 1e-9), 0.0, 1.0);
   const double half = s.width / 2, top = half * (1 - above * (1 - body.roof_width));

@@ -13,10 +13,10 @@
 
 namespace infrasim {
 
-/// A beam of elliptic cross-section with even brightness. It consists of a middle sub-ray and rings
-/// of sub-rays around the middle. Each sub-ray stands for a part of the ellipse: the middle sub-ray
-/// for an inner ellipse, each other sub-ray for a part of a ring. All parts are about equally
-/// large.
+/// A beam of elliptic cross-section with uniform intensity. It consists of a middle sub-ray and
+/// rings of sub-rays around the middle. Each sub-ray stands for a part of the ellipse: the middle
+/// sub-ray for an inner ellipse, each other sub-ray for a part of a ring. All parts are about
+/// equally large.
 class Beam {
  public:
   /// @param config    without a value, the beam is one ray
@@ -28,19 +28,20 @@ class Beam {
   /// same surface, the other sub-rays are not cast.
   std::size_t probes() const { return probe_shares_.size(); }
 
-  /// Share of the beam's power in each sub-ray; the sum is 1.
+  /// Returns the share of the beam's power in each sub-ray; the sum of the shares is 1.
   std::span<const float> shares() const { return shares_; }
-  /// Share of the beam's power in each probe if only the probes are cast; the sum is 1.
+  /// Returns the share of the beam's power in each probe if only the probes are cast; the sum of
+  /// the shares is 1.
   std::span<const float> probe_shares() const { return probe_shares_; }
 
-  /// Tangent of the angle between a ray and its outermost sub-rays.
+  /// Returns the tangent of the angle between a ray and its outermost sub-rays.
   float half_width() const { return half_width_; }
 
-  /// Range from which the outermost sub-rays are at least 2 cm from the middle ray, in metres. For
-  /// bodies at shorter ranges, one ray is cast instead of the beam.
+  /// Returns the range, in metres, beyond which the outermost sub-rays are at least 2 cm away from
+  /// the middle ray. For bodies at shorter ranges, one ray is cast instead of the beam.
   float from_m() const { return from_m_; }
 
-  /// Whether all rays have sub-rays. If not, only rays near moving objects have them.
+  /// Returns whether all rays have sub-rays. Otherwise, only rays near moving objects have them.
   bool everywhere() const { return everywhere_; }
 
   /// Appends sub-rays `from` to `to` - 1 of the selected rays, ray by ray. Sub-ray 0 is the ray

@@ -68,7 +68,7 @@ EchoMerger::Sum EchoMerger::strongest_sum(std::uint16_t ring) const {
   return best;
 }
 
-/// Returns the sum of the partial echoes that are at most the separation away from partial echo
+/// Returns the sum of the partial echoes that are at most `separation_m_` away from partial echo
 /// `a`. The attenuation on the path is not included.
 EchoMerger::Sum EchoMerger::sum_around(std::size_t a) const {
   float power = 0, weighted_range = 0, reflected = 0, best = 0;

@@ -20,9 +20,10 @@ struct SubRay {
   float share;         ///< share of the beam's power
 };
 
-/// Merges the echoes of the sub-rays of a beam. Echoes that are closer than the separation are
-/// summed. The range of a sum is the mean weighted by power. Its reflectance is that of a surface
-/// that returns the same power from the full beam with a gain of 1.
+/// Merges the echoes of the sub-rays of a beam. Echoes that are closer together than `separation_m`
+/// are summed. The range of a sum is the mean of the ranges of its echoes, weighted by power. The
+/// reflectance of a sum is the reflectance of a surface that fills the beam, has a gain of 1, and
+/// returns the same power.
 class EchoMerger {
  public:
   /// @param separation_m minimum distance between two echoes of a beam

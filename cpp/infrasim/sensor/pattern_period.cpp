@@ -12,8 +12,8 @@ namespace {
 
 constexpr int kLongestPeriod = static_cast<int>(kLongestScene_s / kShortestPeriod_s);
 
-/// Appends the numbers of ray groups, and of turns of each moving part, per second. In a period of
-/// the pattern, each of these numbers must be whole.
+/// Appends the numbers of ray groups, and of turns of each moving part, per second. Each of these
+/// rates, multiplied by a period of the pattern, is a whole number.
 void add_rates(const PatternConfig& pattern, std::vector<double>& per_s) {
   if (pattern.spinning) {
     per_s.push_back(columns_per_s(*pattern.spinning) / columns_per_group(*pattern.spinning));

@@ -21,9 +21,10 @@ double start_phase_s(std::uint64_t seed, const std::string& mount, const LidarCo
                      std::size_t unit);
 
 /// Returns the azimuth, elevation (rad) and time (s) of every ray of every step-th frame in [first,
-/// last), in the sensor frame. The values are stored row by row, one group of rays after the other.
-/// Without a seed, all motors start at their locked phase. With a seed, free motors start as in a
-/// run with this seed at the mount.
+/// last), in the sensor frame. The three values of a ray are consecutive. The rays are ordered by
+/// unit of the LiDAR, then by frame, then by their number in the unit's pattern. Without a seed,
+/// all motors start at their locked phase. With a seed, free motors start as in a run with this
+/// seed at the mount.
 std::vector<double> pattern_table(const LidarConfig& lidar, int first, int last, int step,
                                   std::optional<std::uint64_t> seed,
                                   const std::string& mount = kUsualMount);

@@ -12,8 +12,8 @@ namespace infrasim {
 
 namespace {
 
-/// Relative errors of a range by day and at night that have the same weight in the fit. Vendors
-/// round ranges to 10 m, and publish few ranges at night.
+/// A relative error of `kDayTolerance` by day has the same weight in the fit as a relative error of
+/// `kNightTolerance` at night. Vendors round ranges to 10 m, and publish few ranges at night.
 constexpr double kDayTolerance = 0.02, kNightTolerance = 0.04;
 /// Candidates for the crossover: 100 klx times 10^(i / 100), i from -100 to 100.
 constexpr int kSteps = 100;

@@ -40,9 +40,10 @@ RangeLaw fit_range_law(const DetectionConfig& detection, double max_range_m);
 /// A published range, and the range that the law predicts.
 struct LawRange {
   PublishedRange published;
-  double law_m = 0;  ///< range by the law, at most the LiDAR's maximum range
+  double law_m = 0;  ///< range that the law predicts, at most the LiDAR's maximum range
 
-  /// Relative error of the law; positive if the law's range is longer than the published range.
+  /// Returns the relative error of the law; positive if the law's range is longer than the
+  /// published range.
   double error() const { return law_m / published.range_m - 1; }
 };
 

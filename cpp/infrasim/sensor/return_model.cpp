@@ -52,7 +52,7 @@ class Detector {
   }
 
  private:
-  static constexpr double kSlack = 1e-5;  // margin above the error of normal_quantile
+  static constexpr double kSlack = 1e-5;  // larger than the error of normal_quantile
   static constexpr std::size_t kStepsPerUnit = 16;
   static constexpr std::size_t kSteps = static_cast<std::size_t>(2 * kCertain * kStepsPerUnit) + 2;
   /// for each step of the margin: a target with a smaller sample is always detected
@@ -170,7 +170,8 @@ void ReturnModel::apply(const Rng& rng, std::uint64_t first_ray, const EchoBatch
       if (!recorded && !config_.every_hit && !detector.detects(margin, ray_rng, first_sample))
         continue;
       intensity = echoes.reflectance[i] * echoes.gain[i];
-      // A detected signal, including its noise, is at least as strong as the threshold.
+      // A signal is detected if its sum with the noise reaches the threshold. A detected signal
+      // with a ratio below 1 is therefore treated as a signal at the threshold.
       sigma /= std::sqrt(2 * std::max(1.0, ratio));
     }
     if (config_.drop_off && !recorded && dropped_when_faint(ray_rng, first_sample, intensity))

@@ -68,12 +68,12 @@ class ReturnModel {
     return std::max(range, limits_of(ring).min_range_m);
   }
 
-  /// Whether any channel has a range or minimum range of its own.
+  /// Returns whether any channel has its own range on a 10 % target or its own minimum range.
   bool has_channels() const { return !by_ring_.empty(); }
 
-  /// Whether rays are lost at random.
+  /// Returns whether rays are lost at random.
   bool loses_rays() const { return config_.drop_off.has_value(); }
-  /// Whether a ray is lost at random, unless it meets a recorded surface.
+  /// Returns whether a ray is lost at random, unless it meets a recorded surface.
   bool loses(const Rng& ray_rng) const { return lost_at_random(ray_rng, 0); }
 
   bool needs_reflectance() const { return config_.detection.has_value(); }
@@ -81,8 +81,9 @@ class ReturnModel {
   EchoMode echo_mode() const { return echoes_.mode; }
   double separation_m() const { return echoes_.separation_m; }
 
-  /// Attenuation that is used to select the strongest echo of a ray. For LiDARs that do not detect
-  /// by received power, the air has no effect. The result must not outlive the model.
+  /// Returns the attenuation that is used to select the strongest echo of a ray. For LiDARs that do
+  /// not detect by received power, the air has no effect. The EchoPath refers to data of the model,
+  /// so the model must outlive it.
   EchoPath path() const {
     return {.min_range_m = limits_.min_range_m,
             .extinction_per_m = config_.detection ? extinction_per_m_ : 0,
@@ -113,7 +114,7 @@ class ReturnModel {
     return by_ring_.empty() ? limits_ : by_ring_[static_cast<std::size_t>(ring - first_ring_)];
   }
 
-  ChannelLimits limits_;  ///< limits of channels without ranges of their own
+  ChannelLimits limits_;  ///< limits of channels without their own ranges
   /// limits of each ring; empty if no channel has a range of its own
   std::vector<ChannelLimits> by_ring_;
   std::vector<float> min_range_by_ring_m_;

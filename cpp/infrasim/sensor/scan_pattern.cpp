@@ -19,7 +19,8 @@ double positive_fmod(double value, double period) {
   return r < 0 ? r + period : r;
 }
 
-/// Indices of the elevations in increasing order; equal elevations keep their order.
+/// Returns the indices of the elevations, in increasing order of elevation. Equal elevations keep
+/// their order.
 std::vector<std::uint32_t> ascending(const std::vector<double>& elevations) {
   std::vector<std::uint32_t> order(elevations.size());
   std::iota(order.begin(), order.end(), 0U);
@@ -235,7 +236,7 @@ void ScanPattern::generate_steps(std::int64_t first_group, double start_s,
   }
 }
 
-/// Cosine and sine of the azimuth to which a unit has turned at the start of a group.
+/// Returns the cosine and sine of the azimuth to which a unit has turned at the start of a group.
 std::pair<float, float> ScanPattern::turn(std::int64_t group) const {
   if (!turns_.empty()) return turns_[static_cast<std::size_t>(group % groups_per_turn_->numerator)];
   const double azimuth = -rad(group_deg(group) + start_deg_);

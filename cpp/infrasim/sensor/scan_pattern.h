@@ -39,7 +39,8 @@ class ScanPattern {
   ScanPattern(const PatternConfig& config, double phase_s, const Mat3& unit_pose, int first_ring);
 
   int group_size() const { return group_size_; }
-  /// Returns the number of rings: channels, lasers, or 1 for a table.
+  /// Returns the number of rings: the number of channels of a spinning unit, the number of lasers
+  /// of a unit with prisms, or 1 for a table.
   int rings() const { return rings_; }
   double groups_per_s() const { return groups_per_s_; }
   bool spins() const;
@@ -55,7 +56,7 @@ class ScanPattern {
   /// Returns the rays of all groups that start at `from_s` or later and before `to_s`.
   RayRange fired_between(double from_s, double to_s) const;
 
-  /// Returns the ray with a number, in double precision.
+  /// Returns the ray with number `index`, computed in double precision.
   Ray ray(std::int64_t index) const;
 
   /// Generates the rays of whole groups, one after the other, in the levelled frame. The times are

@@ -27,7 +27,7 @@ constexpr double kOnFace = 1e-3;
 constexpr double kPillar_m = 0.14;  // width of the pillar between two side windows
 // half the width of windscreen and rear window, as a share of the vehicle's width
 constexpr double kScreenHalfWidth = 0.38;
-constexpr double kRoofNormal = 0.95;  // minimum z of the normal of a roof
+constexpr double kRoofNormal = 0.95;  // minimum z component of a roof's normal
 constexpr double kTyreInner = 0.62;   // inner radius of the tyre as a share of the wheel's radius
 
 constexpr Layout kCar{.58, .95, -.46, .23, -.38, .17, 2, -.29, .29, .32};
@@ -90,7 +90,7 @@ std::optional<Part> reflector(const BodyHit& hit) {
 
 constexpr double kCoatIndex = 1.5;  // refractive index of clear coat
 
-/// Share of unpolarised light that passes from air into the coat (Fresnel).
+/// Returns the share of unpolarised light that passes from air into the coat (Fresnel).
 double into_coat(double cos_incidence) {
   const double n = kCoatIndex, c = cos_incidence;
   const double inside = std::sqrt(n * n - 1 + c * c);  // n times the cosine of the refracted ray

@@ -19,7 +19,7 @@ struct BodyHit {
 };
 
 /// Returns the part of a vehicle that a ray hits. The part depends on the position, but not on the
-/// mesh's level of detail. Parts that are switched off in `asked` count as paint.
+/// mesh's level of detail. Parts that are false in `asked` count as paint.
 Part part_at(const BodyHit& hit, const VehicleParts& asked);
 
 /// Optical properties of a surface: diffuse `reflectance`, and `gain`, the power towards the LiDAR
@@ -37,7 +37,7 @@ Optics optics_of(Part part, Class object_class, float paint, double cos_incidenc
 /// cabin.
 Optics interior_optics(double cos_incidence);
 
-/// Share of power that remains after passing a pane in both directions.
+/// Share of the power that remains after light has passed a pane twice, once in each direction.
 inline constexpr float kPaneTwice = 0.25F;
 
 /// Height of the lower edge of vehicle bodies above the road.
