@@ -172,3 +172,10 @@ def _parents(folder: Path) -> list[Path]:
     """
     named = [folder.parents[i] for i in range(len(folder.parts) - 1)]
     return (named or list(resolved(folder).parents))[:3]
+
+
+def spread(numbers: Sequence[int], most: int) -> tuple[int, ...]:
+    """Returns at most `most` of the frame numbers, evenly spread."""
+    if len(numbers) <= most:
+        return tuple(numbers)
+    return tuple(numbers[i * len(numbers) // most] for i in range(most))

@@ -22,7 +22,7 @@ CHECKED = 5  # number of clouds of each file type whose intensities decide the s
 
 
 def cloud_reader(clouds: Sequence[Path]) -> tuple[Callable[[Path], Points], list[str]]:
-    """Returns a function that reads .bin and .pcd files, and notes about assumptions.
+    """Returns a function that reads .bin and .pcd files, and a list of notes on assumptions.
 
     The returned function maps a file to points (n, 4), x y z intensity. It rotates .pcd points by
     the file's VIEWPOINT, scales intensities as an import does, and drops points that are not finite

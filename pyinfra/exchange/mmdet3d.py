@@ -35,7 +35,7 @@ METAINFO = {
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
-    """Writes the frames with the road at z = 0. Raises Error if no frame has a vehicle."""
+    """Writes the frames with the road moved to z = 0. Raises Error if no frame has a vehicle."""
     labels = read_labels(lidar_folder, frames)
     site = site_of(lidar_folder, labels)
     lists = train_and_val(lidar_folder, frames)

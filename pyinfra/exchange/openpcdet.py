@@ -49,7 +49,7 @@ _UNREADABLE = (
 
 
 def export(lidar_folder: Path, frames: Sequence[int], out: Path) -> None:
-    """Writes the frames with the road at z = 0. Raises Error if no frame has a vehicle."""
+    """Writes the frames with the road moved to z = 0. Raises Error if no frame has a vehicle."""
     labels = read_labels(lidar_folder, frames)
     site = site_of(lidar_folder, labels)
     # OpenPCDet's info script fails on a frame without a label. Therefore frames without a label are

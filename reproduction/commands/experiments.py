@@ -141,7 +141,7 @@ def simulated(
 
 
 def turned(lidars: Sequence[Path], degrees: int, folder: Path) -> list[Path]:
-    """Writes a LiDAR file with a turned cut angle for each spinning LiDAR; returns the files.
+    """Writes a LiDAR file with a shifted cut angle for each spinning LiDAR; returns the paths.
 
     lidars: the folders of the LiDARs in a data set
     """

@@ -19,7 +19,7 @@ LevelPose level_pose(const MountConfig& mount);
 inline constexpr double kSidewalkDrop =
     0.01;  ///< depth of a footway below its road, m; crossing roads lie above the footway
 
-/// Returns all static surfaces, raised by the profile; world frame.
+/// Returns all static surfaces in the world frame, raised by the elevation profile.
 /// @throws IoError, ConfigError for a file of `meshes`
 Surface build_static_surface(const Site& site);
 

@@ -13,7 +13,7 @@ from pyinfra.core.errors import Error
 from pyinfra.core.machine_load import OtherLoad, other_load
 from pyinfra.core.version import __version__, machine
 from pyinfra.core.vocabulary import SUBSETS
-from pyinfra.dataset.frames import frame_numbers
+from pyinfra.dataset.frames import frame_numbers, spread
 from pyinfra.dataset.frames_version import LEARNT, number_at
 from pyinfra.dataset.prediction_origin import MODEL_FRAMES, read_origin, write_origin
 from pyinfra.experiments.benchmark.matrix import Experiment
@@ -27,7 +27,7 @@ from pyinfra.metrics.settings import Settings
 from pyinfra.models.inference import detect
 from pyinfra.models.inference.frames_learnt import model_origin
 from pyinfra.models.training.recipe import Recipe
-from pyinfra.models.training.sources import read_source, spread
+from pyinfra.models.training.sources import read_source
 from pyinfra.models.training.train import train
 
 Tables = dict[str, pd.DataFrame]

@@ -114,7 +114,7 @@ def first_failure(curve: pd.DataFrame) -> tuple[str, str, float]:
 
 
 def gentleness(curve: pd.DataFrame, stressor: Stressor) -> float:
-    """Returns the gentleness: the mean ratio of AP to the AP without stress.
+    """Returns the mean ratio of the AP under stress to the AP without stress.
 
     The mean is over the severities, scaled to 0 to 1. It is NaN if AP without stress is 0, or if an
     AP is undefined.

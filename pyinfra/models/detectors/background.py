@@ -29,7 +29,7 @@ The detector needs neither PyTorch nor the extension.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, fields, replace
 from pathlib import Path
 from zipfile import BadZipFile
@@ -54,6 +54,7 @@ from pyinfra.core.boxes import bev_overlap
 from pyinfra.core.config import ruled
 from pyinfra.core.errors import Error
 from pyinfra.core.files import replacing
+from pyinfra.dataset.frames import spread
 from pyinfra.dataset.ground import Ground
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors import Detections
@@ -107,6 +108,7 @@ class Config:
 
 
 DEFAULT = Config()
+MOST_FRAMES = 100  # largest number of frames from which `background_of` learns
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,6 +253,21 @@ class Background:
         rectangles = _fit(cloud.take(high, axis=0), height.take(high), self.road, s)
         centre = _boxes(rectangles, _kinds(rectangles, s))[:, :2]
         return rectangles.select(self.region.reshape(-1).take(_cell(centre, s)))
+
+
+def background_of(
+    clouds: Sequence[Callable[[], Points]],
+    region: Region | None,
+    ground: Ground | None,
+    settings: Config = DEFAULT,
+) -> Background:
+    """Learns the background of a site from at most MOST_FRAMES of its clouds, evenly spread.
+
+    clouds: functions that each read a cloud (k, 4). Other arguments and errors: see
+    `Background.learn`.
+    """
+    chosen = spread(range(len(clouds)), MOST_FRAMES)
+    return Background.learn([clouds[i]() for i in chosen], settings, region, ground)
 
 
 @dataclass(frozen=True, eq=False)

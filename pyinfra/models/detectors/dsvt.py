@@ -128,7 +128,7 @@ class SetAttention(nn.Module):
 
 
 class Layer(nn.Module):
-    """Attention in sets and two linear layers, each with a residual connection."""
+    """Attention in sets, then two linear layers; both steps have a residual connection."""
 
     def __init__(self, config: Config) -> None:
         super().__init__()
@@ -248,7 +248,7 @@ class Dsvt(Network):
         self.head = IouHead(channels, config.head_width, self.site, cell_m, share)
 
     def canvas(self, batch: Batch, view: CanvasPart | None = None) -> Tensor:
-        """Returns the canvas (B, width, H, W), or the part of it in `view`."""
+        """Returns the canvas (B, C, H, W), or the part of it in `view`."""
         features, pillar = self.encoder.occupied(batch)  # features (n, width), pillars (n,)
         if view is not None:
             in_view = self.encoder.seen(pillar, view)

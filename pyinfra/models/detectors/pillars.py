@@ -15,7 +15,7 @@ from pyinfra.models.ops.constants import constant
 
 
 class PillarEncoder(nn.Module):
-    """Encodes points (n, 4 or 5) as a canvas (B, width, H, W); row = y, column = x.
+    """Encodes points (n, 4 or 5) as a canvas (B, C, H, W) with C channels; row = y, column = x.
 
     The inputs of each point are x y z, offset to the mean of its pillar (3), offset to the middle
     of the pillar (3), age, intensity. The inputs pass a linear layer, batch norm and ReLU, followed
@@ -51,7 +51,7 @@ class PillarEncoder(nn.Module):
         return self.canvas(*self.occupied(batch), batch.size, view)
 
     def occupied(self, batch: Batch) -> tuple[Tensor, Tensor]:
-        """Returns features (p, width) and ascending numbers (p,) of the p pillars with points."""
+        """Returns features (p, C) and ascending numbers (p,) of the p pillars with points."""
         pillar, member = torch.unique(self.pillar_of(batch), return_inverse=True)
         # A batch norm is undefined without points, and in training also for a single point. With
         # several processes, the shared batch norm handles such batches, because it must run in all
@@ -69,7 +69,7 @@ class PillarEncoder(nn.Module):
     def canvas(
         self, features: Tensor, pillar: Tensor, frames: int, view: CanvasPart | None = None
     ) -> Tensor:
-        """Returns the canvas (B, width, H, W) with the features (p, width) of the pillars.
+        """Returns the canvas (B, C, H, W) with the features (p, C) of the pillars.
 
         Cells without a pillar are 0. view: the part to fill; by default the whole area.
         """
@@ -133,7 +133,7 @@ class PillarEncoder(nn.Module):
         return torch.cat(parts, dim=1)[:, self.first : self.last]
 
     def pooled(self, features: Tensor, member: Tensor, pillars: int) -> Tensor:
-        """Applies the last layer and returns the maximum over each pillar's points: (p, width)."""
+        """Applies the last layer and returns the maximum over each pillar's points: (p, C)."""
         return _most(torch.relu(self.norm(self.linear(features))), member, pillars)
 
 

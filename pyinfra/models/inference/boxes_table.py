@@ -22,6 +22,7 @@ from pyinfra.core.present import Presented
 from pyinfra.core.progress import track
 from pyinfra.core.public import CALLER, public
 from pyinfra.dataset.frame_sequence import FrameSequence
+from pyinfra.dataset.frames import spread
 from pyinfra.dataset.ground import CHECKED, height_warnings
 from pyinfra.dataset.loading import AnyFrames, sequence_of
 from pyinfra.dataset.outlines import Drawn
@@ -35,7 +36,6 @@ from pyinfra.models.inference.frames_learnt import frames_warning
 from pyinfra.models.inference.own_detector import OwnDetector, detections_of_own
 from pyinfra.models.inference.static_filter import length_warning, without_standing
 from pyinfra.models.inference.threads import checked_threads
-from pyinfra.models.training.sources import spread
 
 AnyRegion: TypeAlias = "npt.ArrayLike | str | os.PathLike[str]"
 

@@ -11,7 +11,7 @@ from pyinfra.core.arrays import FloatArray, Points
 from pyinfra.core.errors import Error, FormatError
 from pyinfra.core.files import alone
 from pyinfra.core.vocabulary import PERSON_TYPES
-from pyinfra.dataset.frames import frame_numbers, frame_range, has_labels, period_of
+from pyinfra.dataset.frames import frame_numbers, frame_range, has_labels, period_of, spread
 from pyinfra.dataset.frames_version import number_at
 from pyinfra.dataset.ground import CHECKED, Ground, check_height, height_warnings, level_ground
 from pyinfra.dataset.prediction_origin import read_origin, write_origin
@@ -31,7 +31,6 @@ from pyinfra.models.inference.detect import (
 from pyinfra.models.inference.frames_learnt import frames_warning, model_origin
 from pyinfra.models.inference.static_filter import length_warning, without_standing
 from pyinfra.models.training.provenance import read_provenance
-from pyinfra.models.training.sources import spread
 
 OUTLINE_MARGIN_M = 1.0  # margin around an outline for inexact boxes, as in the detector Background
 

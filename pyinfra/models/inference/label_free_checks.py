@@ -17,8 +17,7 @@ from pyinfra.dataset.health import folder_health
 from pyinfra.formats import kitti
 from pyinfra.metrics.label_free_quality import BoxSeries, Trust, refusal, trust
 from pyinfra.metrics.prediction_checks import find_files
-from pyinfra.models.detectors.background import Background
-from pyinfra.models.training.train import background_of
+from pyinfra.models.detectors.background import Background, background_of
 
 CLUSTER_SCORE = 0.3  # clusters of moving points with a lower score are not used
 OFF_M = 1.0  # a box is outside the region if its centre is more than this distance outside

@@ -30,10 +30,9 @@ from pyinfra.dataset.frames import frame_numbers, period_of, usual_step
 from pyinfra.dataset.ground import Ground, ground_of
 from pyinfra.dataset.outlines import Drawn, area, in_outline
 from pyinfra.metrics.label_free_quality import BoxSeries, links, tracks
-from pyinfra.models.detectors.background import Background
+from pyinfra.models.detectors.background import Background, background_of
 from pyinfra.models.inference.path_area import area_of
 from pyinfra.models.training.sources import read_frame
-from pyinfra.models.training.train import background_of
 
 SHORT_S = 30.0  # in a shorter recording, some lanes may have no vehicle
 LEAST_S = 10.0  # minimum duration of the recording

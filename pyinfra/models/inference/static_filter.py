@@ -11,9 +11,8 @@ from pyinfra.core.vocabulary import PERSON_TYPES
 from pyinfra.dataset.ground import Ground
 from pyinfra.dataset.regions import Region
 from pyinfra.models.detectors import Detections
-from pyinfra.models.detectors.background import Background
+from pyinfra.models.detectors.background import Background, background_of
 from pyinfra.models.detectors.suppression import empty
-from pyinfra.models.training.train import background_of
 
 LEAST_S = 60.0  # minimum duration of the frames for a reliable result
 SAME_POSITION_M = 0.7  # boxes whose centres are at most this far apart have the same position

@@ -22,6 +22,7 @@ from pyinfra.dataset.frames import (
     frame_numbers,
     has_labels,
     lidar_folder,
+    spread,
 )
 from pyinfra.dataset.frames_version import number_at
 from pyinfra.dataset.ground import Ground, ground_of, ground_of_boxes
@@ -311,10 +312,3 @@ def hit_vehicles(
     """Returns the objects of `classes` with at least one point in a simulated frame."""
     vehicles = vehicles_of(frame.objects, 0, label_time)
     return vehicles.select((numbers_of(vehicles.names, classes) >= 0) & (vehicles.points > 0))
-
-
-def spread(numbers: Sequence[int], most: int) -> tuple[int, ...]:
-    """Returns at most `most` of the frame numbers, evenly spread."""
-    if len(numbers) <= most:
-        return tuple(numbers)
-    return tuple(numbers[i * len(numbers) // most] for i in range(most))

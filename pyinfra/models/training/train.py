@@ -16,28 +16,24 @@ import numpy as np
 import yaml
 from tqdm import tqdm
 
-from pyinfra.core.arrays import FloatArray, Points
+from pyinfra.core.arrays import FloatArray
 from pyinfra.core.config import as_plain
 from pyinfra.core.errors import ConfigError, Error
 from pyinfra.core.files import alone, replacing, write
 from pyinfra.core.progress import Lines, is_shown
-from pyinfra.models.detectors.background import DEFAULT, Background, Config
+from pyinfra.models.detectors.background import background_of
 from pyinfra.models.inference.detect import model_file
 from pyinfra.models.pytorch import need_pytorch
 from pyinfra.models.training.provenance import Provenance, read_provenance
 from pyinfra.models.training.recipe import Precision, Recipe
 from pyinfra.models.training.samples import Frames
-from pyinfra.models.training.sources import Source, Stream, common_label_time, on_road, spread
+from pyinfra.models.training.sources import Source, Stream, common_label_time, on_road
 
 if TYPE_CHECKING:
-    from pyinfra.dataset.ground import Ground
-    from pyinfra.dataset.regions import Region
     from pyinfra.models.detectors.network import Network
     from pyinfra.models.training.loop import Progress
     from pyinfra.models.training.resumption import Description
 
-
-BACKGROUND_FRAMES = 100
 
 OF_CLASSES = {"head.heat.weight", "head.heat.bias"}  # weights with one row per class
 
@@ -114,17 +110,6 @@ def _learn_background(recipe: Recipe, sources: Sequence[Source] | Stream, out: P
     background = background_of(source.clouds, source.region, source.ground, recipe.network)
     background.save(file, source.frames_version)
     return file
-
-
-def background_of(
-    clouds: Sequence[Callable[[], Points]],
-    region: Region | None,
-    ground: Ground | None,
-    settings: Config = DEFAULT,
-) -> Background:
-    """Learns the background from at most BACKGROUND_FRAMES clouds, evenly spread."""
-    chosen = spread(range(len(clouds)), BACKGROUND_FRAMES)
-    return Background.learn([clouds[i]() for i in chosen], settings, region, ground)
 
 
 def _train_network(

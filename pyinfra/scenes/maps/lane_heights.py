@@ -24,7 +24,7 @@ def on_lanes(
     """Sets z of boxes without a height, so that they stand on the nearest lane of the site.
 
     z is NaN in such boxes. Without lanes, the road is at z = 0. `offset_m` (3,) is the
-    offset from site coordinates to those of the boxes. Returns the objects, and notes.
+    offset from site coordinates to those of the boxes. Returns the objects, and a list of notes.
     """
     if not any(np.isnan(o.boxes[:, 2]).any() for o in objects):
         return objects, []

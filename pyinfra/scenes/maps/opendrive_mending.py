@@ -22,7 +22,7 @@ JUNCTIONS = frozenset({"default", ""})  # types of junctions that netconvert can
 
 
 def mended_for_netconvert(file: Path, out: Path) -> tuple[Path, list[str]]:
-    """Returns a file that netconvert can read, and notes about changes.
+    """Returns a file that netconvert can read, and a list of notes on changes.
 
     If no change is needed, the returned file is `file`. Otherwise it is `out`, without the content
     that netconvert refuses.

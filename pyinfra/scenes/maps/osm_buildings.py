@@ -69,7 +69,7 @@ def building_bodies(
     tags: dict[str, str],
     roads: list[Passage],
 ) -> tuple[list[MapBody], list[str]]:
-    """Returns the bodies of a building with an outline (n, 2), and notes on its parts.
+    """Returns the bodies of a building with an outline (n, 2), and a list of notes on its parts.
 
     `name` is that of its element, such as `way 5`.
 
