@@ -258,7 +258,9 @@ def test_verdicts_are_compared_with_those_of_version_0_4(monkeypatch: pytest.Mon
         ],
     ]
     assert versions.counts_of(versions.of_detection()) == (2, 2, 1, 1)
-    assert frames.startswith("For 0.4: measured on frames of simulator version 0.4")
+    assert frames.startswith(
+        "The frames are from simulator version 0.4 (`frames_version` 3) and version "
+    )
 
 
 def test_an_end_near_a_limit_has_more_digits() -> None:
