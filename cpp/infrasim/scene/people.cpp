@@ -186,7 +186,7 @@ People::People(const SceneConfig& scene, std::span<const Curve> centrelines) {
     if (step_ > kMostPeople)
       config::fail(row.place, "per_km",
                    "expected at most " + std::to_string(kMostPeople) +
-                       " people in the rows down to this one, got " + std::to_string(step_));
+                       " people up to this row, got " + std::to_string(step_));
   }
 }
 

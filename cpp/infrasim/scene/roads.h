@@ -39,14 +39,16 @@ Road road_named(const SceneConfig& scene, std::span<const Curve> centrelines,
                 const std::string& name, const config::Place& place);
 
 /// Returns where a row along a road ends: at its `to_m` or at the road's end.
-/// @throws ConfigError for a row that starts there or beyond
+/// @param may_be_point whether a row may start at its end
+/// @throws ConfigError for a row that starts beyond its end
 template <class Row>
-double end_of(const Curve& centreline, const Row& row) {
+double end_of(const Curve& centreline, const Row& row, bool may_be_point = false) {
   const double to = std::min(row.to_m, centreline.length());
-  if (row.from_m >= to)
+  if (may_be_point ? row.from_m > to : row.from_m >= to)
     config::fail(row.place, "from_m",
-                 "expected less than the smaller of to_m and the length of the road, " +
-                     fixed_text(to, 2) + " m, got " + config::number_text(row.from_m));
+                 std::string(may_be_point ? "expected at most" : "expected less than") +
+                     " the smaller of to_m and the length of the road, " + fixed_text(to, 2) +
+                     " m, got " + config::number_text(row.from_m));
   return to;
 }
 

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "infrasim/config/fields.h"
-#include "infrasim/core/numbers.h"
 
 namespace infrasim {
 
@@ -28,11 +27,7 @@ struct Tree {
 
 std::vector<Tree> trees_along(const Road& road, const TreesAlongConfig& row) {
   const Curve& line = road.centreline;
-  const double to = std::min(row.to_m, line.length());
-  if (row.from_m > to)
-    config::fail(row.place, "from_m",
-                 "expected at most the smaller of to_m and the length of the road, " +
-                     fixed_text(to, 2) + " m, got " + config::number_text(row.from_m));
+  const double to = end_of(line, row, true);
   std::vector<Tree> out;
   for (int i = 0; row.from_m + i * row.every_m <= to; ++i) {
     const CurvePoint p = line.at(row.from_m + i * row.every_m);
